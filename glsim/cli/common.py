@@ -363,8 +363,6 @@ def two_numbers(option: str, text: str) -> tuple[float, float]:
 JsonOption = Annotated[
     bool, typer.Option("--json", help="Print JSON for other programs instead of a table.")
 ]
-
-
 JsonFileOption = Annotated[
     Path | None,
     typer.Option(

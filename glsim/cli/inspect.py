@@ -181,7 +181,7 @@ def _print(report: FaceSetReport) -> None:
     sequences = sum(count for count, _ in report.people.values())
     out.print(
         f"{report.root}: {report.kind}, {len(report.people)} people, {sequences} sequences, "
-        f"{report.frames} frames",
+        f"{report.frames} frames"
     )
     for name, (count, frames) in list(report.people.items())[:_PEOPLE]:
         out.print(f"  {name}: {count} sequences, {frames} frames")

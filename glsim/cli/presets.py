@@ -18,9 +18,7 @@ glsim generate -o data --preset randomised --subjects 20
 """
 
 
-def presets(
-    name: Annotated[str | None, typer.Argument(autocompletion=PRESETS)] = None,
-) -> None:
+def presets(name: Annotated[str | None, typer.Argument(autocompletion=PRESETS)] = None) -> None:
     """List the settings for glsim generate --preset with a line each, or print the file of one.
 
     Args:

@@ -92,11 +92,7 @@ def bounding_corners(vertices_mm: Floats, view: Floats) -> Array:
 
 
 def vertex_frustum(vertices_mm: Floats, view: Floats, near_m: float) -> Frustum | None:
-    """Compute the frustum of a mesh's vertices; None if a vertex is nearer than ``near_m``.
-
-    It can be much smaller than the frustum of the bounding box, e.g. if hands reach forward. The
-    arguments are the same as in ``bounding_corners``.
-    """
+    """Compute a mesh's frustum, arguments as above; None for a vertex nearer than ``near_m``."""
     return _frustum(product(view[:3, :3], vertices_mm.T) + view[:3, 3:], near_m)
 
 

@@ -166,10 +166,7 @@ class Distortion:
         return any((self.k4, self.k5, self.k6))
 
     def undistort(self, xy: Reals) -> Array:
-        """Compute the ideal points, (..., 2), of distorted points by fixed-point iteration.
-
-        Raises ConfigError if it does not converge: the lens model folds inside the image.
-        """
+        """Compute ideal points, (..., 2), of distorted ones. Raises ConfigError if a lens folds."""
         target = np.asarray(xy, dtype=np.float64)
         ideal = target.copy()
         if self.limit_tan:
@@ -224,10 +221,7 @@ class Emitter:
         return (self.spread_m * x / length, self.spread_m * y / length) if length else (0.0, 0.0)
 
     def shared_points_m(self) -> list[tuple[Array, float]]:
-        """Return the two ends and the centre of the emitter, each with its share of the light.
-
-        Points are (3,) metres, camera frame. An emitter without spread gives its centre, share 1.
-        """
+        """Return the emitter's ends and centre, (3,) metres, each with its share of the light."""
         centre, end = np.array(self.position_m), np.array([*self.end_m, 0.0])
         if not end.any():
             return [(centre, 1.0)]
@@ -401,16 +395,12 @@ class SensorRig:
 
     @property
     def baseline_m(self) -> float:
-        """The distance between the two views of a disparity, metres; 0 for a single view.
-
-        The views are two imagers, or one imager and the first emitter, or the camera and the first
-        emitter.
-        """
+        """The distance between the two views of a disparity, metres; 0 for a single view."""
         return norm(np.array(self.second_view_m))
 
     @property
     def second_view_m(self) -> Point:
-        """The vector from the first to the second view of ``baseline_m``, camera frame, metres."""
+        """The vector between the views (imagers, camera, emitters), camera frame, metres."""
         views = [*self.imagers_m, *(e.position_m for e in self.emitters)]
         if not self.imagers_m:
             views.insert(0, (0.0, 0.0, 0.0))

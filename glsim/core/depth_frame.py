@@ -282,13 +282,9 @@ class Frames(Sequence[DepthFrame]):
         left, top = (own.width - width) // 2, (own.height - height) // 2
         part = np.s_[top : top + height, left : left + width]
         camera = own.cropped(left, top, width, height)
-        cut = (
-            frame.changed(
-                {name: frame.layer(name)[part] for name in frame.layers}, intrinsics=camera
-            )
-            for frame in self
-        )
-        return Frames.of(list(cut), self.title)
+        parts = ({name: frame.layer(name)[part] for name in frame.layers} for frame in self)
+        cut = [f.changed(p, intrinsics=camera) for f, p in zip(self, parts, strict=True)]
+        return Frames.of(cut, self.title)
 
     @overload
     def __getitem__(self, number: int) -> DepthFrame: ...

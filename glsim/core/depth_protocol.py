@@ -39,11 +39,7 @@ def check_protocol(text: str | None, option: str = "--protocol") -> DepthProtoco
 
 
 def stored_protocol(nearest_to_mm: float | None) -> DepthProtocol:
-    """Return the protocol of the depths in a data set's files.
-
-    Args:
-        nearest_to_mm: the data set's setting ``nearest_to_mm``.
-    """
+    """Return the protocol of the depths of a data set from its setting ``nearest_to_mm``."""
     return "paper" if nearest_to_mm == NEAREST_MM else "depth"
 
 

@@ -140,10 +140,7 @@ def plugin_file(package: object, name: str) -> Path | None:
 
 
 def plugin_code(group: str, name: str) -> dict[str, Path]:
-    """Return the code files of the package of a plug-in: "package/file.py" -> path.
-
-    It is empty for shipped code. A data set is hashed with the plug-in code that made it.
-    """
+    """Return the code files of a plug-in's package: name -> path; {} for shipped code."""
     entry = _entry_points(group).get(name)
     if entry is None:
         return {}

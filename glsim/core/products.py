@@ -87,10 +87,7 @@ _SQUARINGS = 10
 
 
 def solve(matrix: Array, right: Array) -> Array:
-    """Solve (N, N) @ x = (N, M) by Gaussian elimination without pivoting: (N, M).
-
-    The matrix must be diagonally dominant.
-    """
+    """Solve (N, N) @ x = (N, M), diagonally dominant, by Gaussian elimination: x is (N, M)."""
     both = np.concatenate([matrix, right], axis=1)
     for row in range(len(both)):
         both[row] /= both[row, row]

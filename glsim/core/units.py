@@ -32,18 +32,10 @@ def to_mm(depth_m: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
 def to_steps(
     depth_m: NDArray[np.floating[Any]], step_mm: float = 1.0, option: str = "output.depth_unit_mm"
 ) -> NDArray[np.uint16]:
-    """Round depth to the whole steps of a 16-bit file; every positive depth is at least 1 step.
+    """Round depth, metres, 0 = none, to uint16 steps; every positive depth is at least 1 step.
 
-    Args:
-        depth_m: depth, metres, 0 = none; any shape.
-        step_mm: millimetres per step.
-        option: the setting that the error message advises to change.
-
-    Returns:
-        uint16 steps of the same shape, 0 = none.
-
-    Raises:
-        DepthRangeError: a depth exceeds 65535 steps.
+    ``option`` is the setting that the error message advises to change. Raises DepthRangeError if a
+    depth exceeds 65535 steps.
     """
     steps = np.rint(depth_m * np.float32(MM_PER_M / step_mm))
     if steps.max(initial=0.0) > UINT16_MAX:
@@ -59,15 +51,9 @@ def to_steps(
 def from_steps(
     steps: NDArray[np.unsignedinteger[Any]], step_mm: float = 1.0, offset_mm: float = 0.0
 ) -> NDArray[np.float32]:
-    """Convert the whole steps of a file to depth: the inverse of ``to_steps``, in millimetres.
+    """Convert whole steps of any shape, 0 = none, to float32 mm: the inverse of ``to_steps``.
 
-    Args:
-        steps: whole steps, 0 = none; any shape.
-        step_mm: millimetres per step.
-        offset_mm: millimetres that were subtracted before rounding; they are added again.
-
-    Returns:
-        float32 millimetres of the same shape, 0 = none.
+    ``offset_mm`` was subtracted before the depth was rounded; it is added again.
     """
     depth_mm: NDArray[np.float32] = steps * np.float32(step_mm)
     if offset_mm:

@@ -8,10 +8,7 @@ from glsim.settings.source_settings import SourceSettings
 
 
 def open_source(settings: SourceSettings, seed: int) -> FaceSource:
-    """Open the source of a [[source]] table; ``seed`` decides generated faces.
-
-    Raises ConfigError if the source cannot be opened, or holds no faces.
-    """
+    """Open the source of a [[source]] table. Raises ConfigError if it fails or holds no faces."""
     if not isinstance(settings, FaceSettings):
         raise ConfigError(f"source {settings.kind!r} declares no faces")
     return settings.open(seed)

@@ -33,12 +33,7 @@ def known_units() -> list[str]:
 def shapes_of(unit: str, overrides: Overrides = _AS_IN_THE_TABLE) -> dict[str, float]:
     """Return the blend shapes of an action unit at full intensity: shape -> weight.
 
-    Args:
-        unit: name of the action unit, such as "AU12", "AU12_L" or "AU12_R".
-        overrides: rows of the table that a model replaces.
-
-    Raises:
-        ConfigError: no shape shows the action unit.
+    ``overrides`` are rows of the table that a model replaces. Raises ConfigError without a shape.
     """
     single = {**_SINGLE, **overrides}
     if unit in single:

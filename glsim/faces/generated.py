@@ -91,10 +91,7 @@ class GeneratedFaces(FaceSource, Generic[_Person]):
         return [f"{self.letter}{number:04d}" for number in range(count)]
 
     def frames(self, subject: str, count: int | None) -> PerformanceKeys:
-        """Return the keys of the first ``count`` frames of a subject, sequence by sequence.
-
-        Raises ConfigError for None: there is no last frame.
-        """
+        """Return a subject's first ``count`` keys. Raises ConfigError for None: it is endless."""
         if count is None:
             raise ConfigError(f"{self.name} faces never end: give a number of frames per subject")
         return PerformanceKeys(
@@ -102,10 +99,7 @@ class GeneratedFaces(FaceSource, Generic[_Person]):
         )
 
     def expression(self, key: FaceKey) -> dict[str, float]:
-        """Return the expression of a frame: action unit -> intensity, without zeros.
-
-        Raises ConfigError for a key of another source.
-        """
+        """Return a frame's expression: action unit -> intensity, no zeros. Raises ConfigError."""
         try:
             number = sequence_number(key.sequence)
         except ValueError as error:

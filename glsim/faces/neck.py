@@ -106,13 +106,9 @@ def trunk_angles(pose: Mapping[str, float]) -> dict[str, float]:
 def bend_neck(
     meshes: Sequence[Mesh], neck: Neck | None, pose: Mapping[str, float], still: Mapping[str, float]
 ) -> list[Mesh]:
-    """Rotate the shoulders of meshes back, so that ``pose_matrix(pose)`` turns the head only.
+    """Rotate the shoulders of a person's meshes back: ``pose_matrix(pose)`` turns the head only.
 
-    Args:
-        meshes: meshes of one person; meshes that do not move are returned unchanged.
-        neck: None for a head without shoulders, which stays unchanged.
-        pose: pose of the head with its motion.
-        still: pose of the head without its motion.
+    ``still`` is the pose without its motion. Meshes that do not move are returned unchanged.
     """
     if neck is None:
         return [*meshes]
@@ -154,10 +150,7 @@ def _axis_angle(rotation: NDArray[np.float64]) -> tuple[NDArray[np.float32], flo
 
 
 def head_motion(seed: int, time_s: float) -> dict[str, float]:
-    """Return the pose offsets of a random head motion: three angles in deg, three shifts in mm.
-
-    ``time_s`` counts from the start of the sequence, where all offsets are 0.
-    """
+    """Return offsets of a random head motion, three angles in deg, three shifts in mm; first 0."""
     rng = rng_for(seed, "head motion")
     share = rng.uniform(_LEAST_SHARE, 1.0, len(WAVES))
     in_band = rng.uniform(0.0, 1.0, len(WAVES))
@@ -175,10 +168,7 @@ def move_pose(
 ) -> dict[str, float]:
     """Return a pose with motion offsets added; angles turn the head about the centre of its neck.
 
-    Args:
-        pose: pose of the mesh's origin, as in ``pose_matrix``.
-        offsets: offsets of ``head_motion``.
-        neck: neck of the face. Default: for a face at the origin.
+    ``neck``: of the face; default: for a face at the origin.
     """
     turned = {
         name: value + (offsets.get(name, 0.0) if name.endswith("_deg") else 0.0)

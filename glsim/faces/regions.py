@@ -104,10 +104,7 @@ class RegionLabels:
 
 
 def landmark_vertices(source: FaceSource) -> NDArray[np.int64]:
-    """Return the vertex indices (68,) of the landmarks, the same in each mesh of the source.
-
-    Raises ConfigError for a source that does not know them.
-    """
+    """Return the landmarks' vertices (68,), for all meshes of the source. Raises ConfigError."""
     topology = source.topology
     if topology is None or topology.landmarks is None:
         raise ConfigError(

@@ -66,10 +66,7 @@ class SparseShapes:
         return self.points[entries], self.offsets_mm[entries]
 
     def add(self, values_mm: NDArray[np.floating], weights: Mapping[str, float]) -> None:
-        """Add weighted shapes to points (P, 3) mm, in place and in the order of ``weights``.
-
-        Raises KeyError for an unknown shape.
-        """
+        """Add weighted shapes to points (P, 3) mm, in place, in order. Raises KeyError."""
         for name, weight in weights.items():
             points, offsets_mm = self.shape(name)
             values_mm[points] += np.float32(weight) * offsets_mm

@@ -104,10 +104,7 @@ def _outline(anatomy: Anatomy, points: Reals) -> tuple[Reals, Reals, Reals]:
 def make_beard(
     beard: BeardGrid, rest_mm: Reals, style: BeardStyle, length_mm: float, seed: int
 ) -> list[Hair]:
-    """Make a beard, ``length_mm`` along the normals, on a subject at rest, (V, 3) mm.
-
-    Returns its sheets, the outermost first.
-    """
+    """Make a beard's sheets, the outermost first, on a subject at rest, (V, 3) mm."""
     inside = beard.inside.copy()
     if not style.cheeks:
         areas = ((style.chin, beard.chin), (style.lip, beard.lip))

@@ -45,18 +45,14 @@ def skull_motion(reference: Points, moved: Points) -> Motion:
     first, second = reference.mean(axis=0), moved.mean(axis=0)
     if np.abs(moved - reference).max() < _REST_MM:
         return Motion(np.eye(3, dtype=np.float32), np.zeros(3, np.float32), True)
-    here, there = (
-        np.ascontiguousarray(p.T, np.float64) for p in (moved - second, reference - first)
-    )
+    both = moved - second, reference - first
+    here, there = (np.ascontiguousarray(points.T, np.float64) for points in both)
     rotation = nearest_rotation((here[:, None] * there).sum(axis=2)).astype(np.float32)
     return Motion(rotation, (second - product(rotation, first)).astype(np.float32))
 
 
 class Binding(Protocol):
-    """The protocol of a mesh that follows the face mesh of a source.
-
-    ``used`` are the indices of the face's vertices that move the mesh.
-    """
+    """The protocol of a mesh that the vertices ``used`` of a face's mesh move."""
 
     used: Whole
 

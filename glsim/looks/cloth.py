@@ -244,15 +244,9 @@ def _garment(
     scale: float,
     share: float,
 ) -> Shell:
-    """Make one garment.
+    """Make a garment on the skin ``piece`` with sleeves or legs on ``limbs`` and a hem at height y.
 
-    Args:
-        piece: the skin that the garment covers.
-        garment: the garment type.
-        limbs: numbers of the limbs that get sleeves or legs.
-        hem_mm: height y of the hem.
-        scale: size of the subject relative to a mean adult.
-        share: share of the triangles that is drawn.
+    ``scale``: size relative to a mean adult. ``share``: share of the triangles that is drawn.
     """
     on_limb = np.isin(piece.part, limbs)
     as_trunk = (piece.skin - piece.neck) * (-1.0, -1.0, 1.0)

@@ -36,15 +36,10 @@ GLASSES: Final = tuple(GlassesStyle(n, **row) for n, row in STYLE_TABLE["glasses
 def make_glasses(
     anatomy: Anatomy, skin_mm: Floats, style: GlassesStyle, lens: str, seed: int
 ) -> tuple[Floats, Triangles, Mask]:
-    """Fit glasses to a subject.
+    """Fit glasses to a subject's reference head, (V, 3) mm.
 
-    Args:
-        anatomy: the landmarks of the source's reference head.
-        skin_mm: (V, 3) mm, the subject's reference head.
-        lens: "clear" has no surface, "dark" fills the rims, "glint" puts a bright spot in each rim.
-
-    Returns:
-        Vertices, (N, 3) mm; triangles, (F, 3); and the mask of the lenses' vertices, (N,).
+    ``lens``: "clear" has no surface, "dark" fills the rims, "glint" puts a bright spot in each rim.
+    Returns vertices, (N, 3) mm; triangles, (F, 3); and the mask of the lenses' vertices, (N,).
     """
     rng = keyed_rng(seed, 0x61A5)
     scale = anatomy.scale
@@ -53,9 +48,7 @@ def make_glasses(
     balls = skin_mm[anatomy.is_in("sclera", "iris", "pupil", "eyes")].astype(np.float64)
     middle = 0.5 * (balls.min(axis=0) + balls.max(axis=0))
     apart = float(np.abs(balls[:, 0] - middle[0]).mean())
-    half_width, half_height = (
-        0.5 * size * min(scale, 1.05) for size in (style.width, style.height)
-    )
+    half_width, half_height = np.array([style.width, style.height]) * 0.5 * min(scale, 1.05)
     # A lens has its centre at the pupil or farther out; the rims are at least 19 mm apart.
     centre_x = max(apart + 1.0, half_width + 9.5)
     turn = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
@@ -149,10 +142,8 @@ def _tube(line: Reals, wide: float, deep: float, *, closed: bool) -> tuple[Reals
     for k in range(4):
         p, q, r, s = here[:, k], here[:, (k + 1) % 4], after[:, (k + 1) % 4], after[:, k]
         faces += [np.stack([p, q, r], 1), np.stack([p, r, s], 1)]
-    if not closed:
-        for end, flip in ((index[0], True), (index[-1], False)):
-            quad = end[::-1] if flip else end
-            faces += [quad[[0, 1, 2]][None], quad[[0, 2, 3]][None]]
+    for quad in () if closed else (index[0, ::-1], index[-1]):
+        faces += [quad[[0, 1, 2]][None], quad[[0, 2, 3]][None]]
     return rings.reshape(-1, 3), np.concatenate(faces)
 
 
@@ -163,8 +154,6 @@ def _lens(ring: Reals, side: float, share: float, rng: np.random.Generator) -> t
         middle = middle + (ring[rng.integers(len(ring))] - middle) * rng.uniform(0.2, 0.6)
     rim = middle + (ring - ring.mean(axis=0)) * share
     points = np.concatenate([middle[None] + (0, 0, 0.8 * share), rim])
-    count = len(ring)
-    a = 1 + np.arange(count)
-    b = 1 + (np.arange(count) + 1) % count
-    faces = np.stack([np.zeros(count, int), a, b] if side > 0 else [np.zeros(count, int), b, a], 1)
-    return points, faces
+    a = 1 + np.arange(len(ring))
+    b, centre = np.roll(a, -1), np.zeros(len(ring), int)
+    return points, np.stack([centre, a, b] if side > 0 else [centre, b, a], 1)

@@ -203,9 +203,8 @@ def hanging(head: Head) -> list[Sheet]:
 def _grid(rows: int, columns: int) -> Whole:
     """Return the triangles, (F, 3), of a grid of vertices."""
     index = np.arange(rows * columns).reshape(rows, columns)
-    p, q, r, s = (
-        i.ravel() for i in (index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1])
-    )
+    corners = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
+    p, q, r, s = (corner.ravel() for corner in corners)
     return np.concatenate([np.stack([p, r, q], 1), np.stack([p, s, r], 1)])
 
 
@@ -241,11 +240,8 @@ def _ribbons(head: Head, lines: Reals, width: Reals, root: int) -> Sheet:
     side = np.array([-0.5, 0.0, 0.5])
     half = width[None, :, None] * side
     points = lines[:, :, None] + half[..., None] * across[:, :, None]
-    points += (
-        0.13
-        * (width[None, :, None] * (1 - 2 * np.abs(side)))[..., None]
-        * np.cross(across, along)[:, :, None]
-    )
+    raised = 0.13 * (width[None, :, None] * (1 - 2 * np.abs(side)))[..., None]
+    points += raised * np.cross(across, along)[:, :, None]
     lock = np.arange(count)[None, :, None]
     down = np.cumsum(np.append(0.0, np.linalg.norm(np.diff(lines, axis=0), axis=2).mean(axis=1)))
     where = np.stack(np.broadcast_arrays(half, 40.0 * lock, down[:, None, None]), -1).reshape(-1, 3)

@@ -23,6 +23,11 @@ _Choice = TypeVar("_Choice")
 #: Entries (name of a hair colour, share of people, range of reflectivity).
 HAIR_COLOURS: Final = STYLE_TABLE["hair_colours"]
 BEARD_FROM_YEARS: Final = 18.0  # age from which men have beards; chosen
+#: Ranges of the random factors of a hair style, in the order in which they are drawn. Chosen.
+_FACTORS: Final = {
+    "fringe": (0.85, 1.15), "relief": (0.8, 1.25), "wave": (0.7, 1.3), "recede": (0.7, 1.3),
+    "strand": (0.8, 1.3), "density": (0.8, 1.0),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -143,7 +148,6 @@ def _shares(choices: Sequence[HairStyle | Garment], woman: bool | None) -> list[
 
 
 def _hair_weights(age: float, woman: bool | None) -> list[float]:
-    """Return the weights of STYLES by age and sex."""
     can_be_bald = float(np.interp(age, (22, 30, 60), (0.0, 0.6, 2.0))) * (0.1 if woman else 1.0)
     pairs = zip(STYLES, _shares(STYLES, woman), strict=True)
     return [w * (can_be_bald if s.bald or s.recede else 1.0) for s, w in pairs]
@@ -154,25 +158,14 @@ def _choose(weights: Sequence[float], rng: np.random.Generator) -> int:
 
 
 def _one_of(table: Sequence[tuple[_Choice, float]], rng: np.random.Generator) -> _Choice:
-    """Sample a choice from (choice, weight) pairs."""
     return table[_choose([share for _, share in table], rng)][0]
 
 
 def _varied(style: HairStyle, rng: np.random.Generator) -> HairStyle:
     """Vary volume, lengths, relief and parting of a hair style at random."""
     volume, length = rng.uniform(0.85, 1.35), rng.uniform(0.8, 1.2)
-    return replace(
-        style,
-        top=style.top * volume,
-        side=style.side * volume,
-        back=style.back * volume,
-        lock=(style.lock[0] * length, style.lock[1] * length),
-        hang=style.hang * length,
-        fringe=style.fringe * rng.uniform(0.85, 1.15),
-        relief=style.relief * rng.uniform(0.8, 1.25),
-        wave=style.wave * rng.uniform(0.7, 1.3),
-        recede=style.recede * rng.uniform(0.7, 1.3),
-        strand=style.strand * rng.uniform(0.8, 1.3),
-        density=style.density * rng.uniform(0.8, 1.0),
-        parting=style.parting * (1.0 if rng.random() < 0.5 else -1.0) + rng.normal(0, 4),
-    )
+    factors = {"top": volume, "side": volume, "back": volume, "hang": length}
+    factors |= {name: rng.uniform(*span) for name, span in _FACTORS.items()}
+    scaled: dict[str, Any] = {name: getattr(style, name) * by for name, by in factors.items()}
+    scaled["parting"] = style.parting * (1.0 if rng.random() < 0.5 else -1.0) + rng.normal(0, 4)
+    return replace(style, lock=(style.lock[0] * length, style.lock[1] * length), **scaled)

@@ -101,13 +101,9 @@ class SkinGrid(NamedTuple):
 
 
 def make_grid(faces: Triangles, chosen: Mask, points: Reals, edge_mm: float) -> SkinGrid:
-    """Make a grid of the chosen triangles; edges longer than ``edge_mm`` are split in halves.
+    """Make a grid of the chosen triangles, (T,) mask, of a reference head with vertices (V, 3) mm.
 
-    Args:
-        faces: (T, 3) triangles of the source.
-        chosen: (T,) mask of the triangles.
-        points: (V, 3) mm, vertices of the source's reference head.
-        edge_mm: longest edge of the result.
+    Edges longer than ``edge_mm`` are split in halves.
     """
     base, inverse = np.unique(faces[chosen], return_inverse=True)
     triangles = inverse.reshape(-1, 3).astype(np.int64)
@@ -133,12 +129,7 @@ def make_grid(faces: Triangles, chosen: Mask, points: Reals, edge_mm: float) -> 
 
 
 def thinned(grid: SkinGrid, points: Reals, edge_mm: float) -> SkinGrid:
-    """Return a grid of some of a grid's points, whose triangles have a mean edge of ``edge_mm``.
-
-    Args:
-        points: (N, 3) mm, the grid's points on the reference head.
-        edge_mm: edge of equilateral triangles with the same area in total.
-    """
+    """Return a grid of some of a grid's points, (N, 3) mm, with a mean edge of ``edge_mm``."""
     a, b, c = (points[grid.faces[:, k]].astype(np.float64) for k in range(3))
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
     share = float(area) / (_EQUILATERAL * edge_mm**2 * len(grid.faces))

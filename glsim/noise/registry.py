@@ -151,11 +151,11 @@ def declared_stage(file: Path, name: str) -> StageSpec:
     if not functions:
         raise ConfigError(f"{where}: the file has no function {name!r}")
     calls = [d for d in functions[-1].decorator_list if isinstance(d, ast.Call)]
-    declared = next((call for call in calls if _is_array_stage(call.func)), None)
-    if declared is None:
+    names = [ast.unparse(call.func).rpartition(".")[2] for call in calls]
+    if "array_stage" not in names:
         raise ConfigError(f"{file}: {name} is not a stage: decorate it with @array_stage(...)")
     parameters = {}
-    for keyword in declared.keywords:
+    for keyword in calls[names.index("array_stage")].keywords:
         parameter, line = str(keyword.arg), keyword.value.lineno
         try:
             spec = ast.literal_eval(keyword.value)
@@ -167,8 +167,3 @@ def declared_stage(file: Path, name: str) -> StageSpec:
             ) from None
     title = (ast.get_docstring(functions[-1]) or name).strip().splitlines()[0]
     return StageSpec(name, f"{name}: {title}", parameters, str(file))
-
-
-def _is_array_stage(function: ast.expr) -> bool:
-    name = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
-    return name == "array_stage"

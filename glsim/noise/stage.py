@@ -148,11 +148,7 @@ def make_stage(
 def sample_values(
     stages: Sequence[Stage], seeds: ScopeSeeds
 ) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
-    """Sample the parameter values of all stages for one frame. Raises ConfigError.
-
-    Returns two dicts: the values that are not constant, "stage.parameter" -> value; and all
-    values, stage -> parameter -> value.
-    """
+    """Sample all stages' values of a frame: those not constant, and all. Raises ConfigError."""
     sampled: dict[str, float] = {}
     values: dict[str, dict[str, float]] = {stage.name: {} for stage in stages}
     for stage in stages:

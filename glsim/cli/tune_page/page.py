@@ -9,11 +9,7 @@ from pathlib import Path
 from fastapi import Response
 from nicegui import Client, app, ui
 
-from glsim.cli.tune_page.access import (
-    AccessCheck,
-    PageAddress,
-    cookie_secret,
-)
+from glsim.cli.tune_page.access import AccessCheck, PageAddress, cookie_secret
 from glsim.cli.tune_page.editor import CodeEditor
 from glsim.cli.tune_page.panel import StageList
 from glsim.cli.tune_page.session import TuneSession

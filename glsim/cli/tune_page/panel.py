@@ -8,12 +8,7 @@ from typing import Any
 
 from nicegui import ui
 
-from glsim.cli.tune_page.controls import (
-    Control,
-    pose_controls,
-    stage_controls,
-    wall_control,
-)
+from glsim.cli.tune_page.controls import Control, pose_controls, stage_controls, wall_control
 from glsim.cli.tune_page.preview import Picture
 from glsim.cli.tune_page.session import plain_value
 from glsim.cli.tune_page.tab import TuneTab

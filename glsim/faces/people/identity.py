@@ -71,10 +71,7 @@ def phenotype_targets() -> dict[str, tuple[str, ...]]:
 
 
 def phenotype_weights(values: Mapping[str, float]) -> dict[str, float]:
-    """Compute the weights above 0 of morph targets from phenotype values, 0 to 1.
-
-    ``values`` also holds the share of each origin.
-    """
+    """Compute weights above 0 of morph targets from phenotypes and shares of origins, 0 to 1."""
     shares = {origin: values[origin] for origin in ORIGINS}
     for name, anchors in ANCHORS.items():
         shares |= _interpolation(values[name], anchors)

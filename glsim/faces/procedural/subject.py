@@ -71,12 +71,8 @@ def subject_of(neutral: Array, albedo: NDArray[np.float32]) -> HeadSubject:
     model = head_model()
     eyeball, left = model.in_regions("sclera", "iris", "pupil"), model.template_mm[:, 0] > 0
     moved = neutral - model.template_mm
-    globes = np.array(
-        [
-            centre + moved[eyeball & side].mean(axis=0)
-            for centre, side in zip(model.anchors_mm[:2], (left, ~left), strict=True)
-        ]
-    )
+    sides = zip(model.anchors_mm[:2], (left, ~left), strict=True)
+    globes = np.array([centre + moved[eyeball & side].mean(axis=0) for centre, side in sides])
     return HeadSubject(neutral, albedo, lid_and_jaw_shapes(model, neutral, globes))
 
 
@@ -125,23 +121,12 @@ def asymmetry_field(seed: int, subject: str) -> Array:
 def clipped_normal(
     rng: np.random.Generator, mean: float, sd: float, low: float, high: float
 ) -> float:
-    """Draw a normally distributed number, clipped to [low, high].
-
-    Args:
-        rng: generator, of which one number is drawn.
-        mean: mean before clipping.
-        sd: standard deviation before clipping.
-        low: smallest result.
-        high: largest result.
-    """
+    """Draw a normally distributed number of this mean and deviation, clipped to [low, high]."""
     return float(np.clip(rng.normal(mean, sd), low, high))
 
 
 def sample_albedo(seed: int, subject: str, hair_mm: float) -> NDArray[np.float32]:
-    """Draw a subject's reflectivity (V,) in [0, 1], a pure function of its arguments.
-
-    ``hair_mm``: thickness of the hair.
-    """
+    """Draw a subject's reflectivity (V,) in [0, 1]; ``hair_mm``: thickness of the hair."""
     model = head_model()
     rng = rng_for(seed, "albedo", subject)
     skin, hair = clipped_normal(rng, *SKIN_ALBEDO), clipped_normal(rng, *HAIR_ALBEDO)

@@ -50,7 +50,6 @@ class FileFaces(FaceSource):
         self._topologies: list[NDArray[np.int32]] = []
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the settings, without cached files."""
         state = self.__dict__ | {"_results": {}, "_topologies": []}
         state.pop("people", None)
         return state

@@ -29,10 +29,7 @@ class HeadPose:
 
 
 def read_pose(path: Path) -> HeadPose:
-    """Read ``frame_*_pose.txt``: three rows of a rotation, then the head's centre in mm.
-
-    Raises MeshError.
-    """
+    """Read ``frame_*_pose.txt``: rows of a rotation, the head's centre in mm. Raises MeshError."""
     with one_bad_file(path):
         numbers = np.array([float(word) for word in read_bytes(path, _MAX_TEXT).split()])
         if len(numbers) != 12 or not np.isfinite(numbers).all():

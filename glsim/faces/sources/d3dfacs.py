@@ -93,7 +93,6 @@ class D3dfacs(Folder):
         self._patches: dict[str, list[str]] = {}
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return the settings, without cached files."""
         return super().__getstate__() | {"_patches": {}}
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:

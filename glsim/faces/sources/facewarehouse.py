@@ -186,12 +186,11 @@ class FaceWarehouse(FileFaces):
     ) -> NDArray[np.floating[Any]]:
         """Read the vertices (V, 3) of a frame, in the file's unit."""
         files = self.files_of(key.subject)
-        meshes: list[NDArray[np.floating[Any]]]
         if files.bs and weights:
-            meshes = [*read_blend_shapes(files.bs, weights)]
+            meshes: list[NDArray[np.floating[Any]]] = [*read_blend_shapes(files.bs, weights)]
         else:
-            meshes = [read_vertices(files.shapes[number]) for number in weights]
-            meshes = meshes or [read_vertices(self.root / key.path)]
+            paths = [files.shapes[number] for number in weights] or [self.root / key.path]
+            meshes = [read_vertices(path) for path in paths]
         shares = list(weights.values())
         points = meshes[0] if len(meshes) == 1 else shares[0] * meshes[0] + shares[1] * meshes[1]
         if len(points) != count or not np.isfinite(points).all():

@@ -63,8 +63,7 @@ class FolderSettings(MeshFileSettings):
         "order; default: found if axes is auto",
     )
     overrides: dict[str, Placement] = Field(
-        {},
-        description="unit, axes, rotation_deg of single meshes or folders, by path below root",
+        {}, description="unit, axes, rotation_deg of single meshes or folders, by path below root"
     )
 
     def open(self, seed: int) -> FaceSource:
@@ -149,7 +148,6 @@ class Folder(FileFaces):
         return Face(key, mesh, notes=manifest_notes(file_mesh, alignment) | self._notes(key))
 
     def _paths(self, key: FaceKey) -> list[Path]:
-        """Return the paths of a frame's mesh files."""
         return [self.root / key.path]
 
     def _read(self, key: FaceKey) -> FileMesh:
@@ -185,12 +183,7 @@ class Folder(FileFaces):
         return max((p for p in self._overrides if _is_below(key.path, p)), key=len, default="")
 
     def _first_alignment(
-        self,
-        name: tuple[str, ...],
-        keys: list[FaceKey],
-        unit: str,
-        axes: str,
-        turns: Turns | None,
+        self, name: tuple[str, ...], keys: list[FaceKey], unit: str, axes: str, turns: Turns | None
     ) -> Alignment:
         """Return the alignment of the first valid mesh; without one, raise the first error."""
 
@@ -243,5 +236,4 @@ class Folder(FileFaces):
 
 
 def _is_below(path: str, folder: str) -> bool:
-    """Return whether the path is this folder or file, or lies below it."""
     return path == folder or path.startswith(f"{folder}/")

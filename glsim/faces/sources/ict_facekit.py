@@ -210,9 +210,8 @@ class IctFaceKit(GeneratedFaces[NDArray[np.float32]]):
             expression = self.expression(key)
             weights = model.shape_weights(expression)
             head = model.with_shapes(self.person(key.subject), weights)
-            yield Face(
-                key, Mesh(head, model.topology.triangles, model.albedo, model.occluder), expression
-            )
+            mesh = Mesh(head, model.topology.triangles, model.albedo, model.occluder)
+            yield Face(key, mesh, expression)
 
     @cached_property
     def _model(self) -> MorphableModel:

@@ -83,13 +83,9 @@ def make_thing(
 def _parts(
     rng: Rng, name: str, scale: Points, clutter: float, albedos: dict[str, float]
 ) -> list[Shape]:
-    """Make the shapes of all parts of a piece of furniture.
+    """Make the shapes of all parts of a piece of furniture, with (3,) factors of its size.
 
-    Args:
-        rng: samples the small objects, and the albedos that ``albedos`` lacks.
-        scale: (3,) factors of its size.
-        clutter: share of the possible small objects on it, 0 to 1.
-        albedos: material -> albedo, shared by all parts; new ones are added.
+    ``clutter``: share of possible small objects, 0 to 1. ``albedos``: of materials; grows.
     """
     shapes: list[Shape] = []
     for number, part in enumerate(catalogue()["things"][name]["parts"]):

@@ -181,9 +181,9 @@ def furnish_wall(rng: Rng, kind: str, wall: Wall, plan: FloorPlan, clutter: floa
 
 def _blocks(opening: Opening, left: float, right: float, top: float) -> bool:
     """Return whether an object from ``left`` to ``right`` blocks a door or hides a window."""
-    margin = 120 if opening.kind == "door" else 20
+    margin = 120 if (is_door := opening.kind == "door") else 20
     apart = right < opening.left - margin or left > opening.right + margin
-    return not apart and (opening.kind == "door" or top > opening.low + 150)
+    return not apart and (is_door or top > opening.low + 150)
 
 
 def _at_window(

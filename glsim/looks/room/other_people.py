@@ -37,7 +37,6 @@ class OtherPeople:
         dressers: Sequence[Dresser],
         rig: SensorRig,
     ) -> None:
-        """Store the settings, the sources, a dresser for each source, and the sensor's rig."""
         self._settings, self._sources, self._rig = settings, sources, rig
         self._dressers = dressers
         self._most = round(settings.scene.people.bounds()[1])

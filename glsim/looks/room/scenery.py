@@ -119,10 +119,7 @@ def build_scenery(
     settings: SceneSettings, pose: PoseSettings, seeds: ScopeSeeds, rig: SensorRig,
     body: Body | None = None,
 ) -> Scenery:  # fmt: skip
-    """Build the scenery of a frame; a pure function of the arguments.
-
-    A head without a ``body`` has its eyes at ``scene.eye_mm``.
-    """
+    """Build a frame's scenery, a pure function; a head without body has ``scene.eye_mm``."""
     if settings.room != "none":
         return _room_scenery(settings, pose, seeds, rig, body)
     if settings.wall_mm is None:
@@ -151,12 +148,9 @@ def check_behind(scenery: Scenery, meshes: Sequence[Mesh], view: Floats) -> None
 
 
 def _room_scenery(
-    settings: SceneSettings,
-    pose: PoseSettings,
-    seeds: ScopeSeeds,
-    rig: SensorRig,
+    settings: SceneSettings, pose: PoseSettings, seeds: ScopeSeeds, rig: SensorRig,
     body: Body | None,
-) -> Scenery:
+) -> Scenery:  # fmt: skip
     """Sample the numbers of a room, and return the part of the room that the camera sees."""
     key = getattr(seeds, settings.per)
     keys = ScopeSeeds(key, key, key)

@@ -91,9 +91,8 @@ def box(
     """Make a box with rounded edges.
 
     Args:
-        size_mm: width, height, depth.
-        at_mm: centre of the lower side.
-        albedo: albedo at 860 nm, relative to a white wall.
+        size_mm, at_mm: width, height, depth; centre of the lower side.
+        albedo: at 860 nm, relative to a white wall.
         edge_mm: radius of the edges.
         cells: number of cells along each side, odd; 3 bevels an edge in two steps.
         plump_mm: height of the bulge of each side, for cushions (cells >= 5).
@@ -170,15 +169,7 @@ def rod(
     end_radius_mm: float | None = None,
     sides: int = 8,
 ) -> Shape:
-    """Make a closed rod between two points.
-
-    Args:
-        start_mm, end_mm: centres of its ends.
-        radius_mm: radius at the start.
-        albedo: albedo at 860 nm, relative to a white wall.
-        end_radius_mm: radius at the end; default: the same.
-        sides: number of sides; 4 make a square rod.
-    """
+    """Make a closed rod between two points, of the same radius unless ``end_radius_mm`` differs."""
     start, end = np.asarray(start_mm, np.float64), np.asarray(end_mm, np.float64)
     length = norm(end - start)
     last = radius_mm if end_radius_mm is None else end_radius_mm

@@ -193,13 +193,7 @@ def without(layers: Layers, lost: Mask, reason: Reason | Image) -> dict[str, Ima
 
 
 def random_bits(x: Any, y: Any, seed: Any, draw: Any) -> tuple[Words, Words, Words, Words]:
-    """Compute four 32-bit random words per pixel, seed and draw, which broadcast.
-
-    Args:
-        x, y: columns and rows of pixels, integers.
-        seed: an integer; it wraps at 2^32.
-        draw: a number that separates several uses of one seed.
-    """
+    """Compute four 32-bit random words per pixel (x, y), seed and draw, which broadcast."""
     xp = of(seed)
     # One step of a linear congruential generator for each word.
     a, b, c, d = (
