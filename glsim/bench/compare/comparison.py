@@ -35,11 +35,7 @@ from glsim.measures.validity import measure_invalid, measure_isolated
 
 #: Lowest AUC that a replay can reach (regression / trees): simulated frames of a sensor, compared
 #: with their replay through the same sensor.
-_FLOORS = {
-    "planes": (0.51, 0.51),
-    "curved": (0.59, 0.57),
-    "silhouettes, shadow side": (0.60, 0.61),
-}
+_FLOORS = {"planes": (0.51, 0.51), "curved": (0.59, 0.57), "silhouettes, shadow side": (0.60, 0.61)}
 
 
 @dataclass(frozen=True)

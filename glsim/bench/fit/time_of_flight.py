@@ -10,12 +10,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from glsim.bench.fit.fit_wiggling import Wiggling, fit_wiggling
-from glsim.bench.fit.fitted_sensor import (
-    PATTERN_MAP,
-    FittedSensor,
-    recording_camera,
-    sensor_toml,
-)
+from glsim.bench.fit.fitted_sensor import PATTERN_MAP, FittedSensor, recording_camera, sensor_toml
 from glsim.bench.fit.noise_model import (
     InfraredLaw,
     LightProfile,
