@@ -70,12 +70,8 @@ def possible_modes(
 ) -> tuple[Mode, ...]:
     """Return the modes of a sensor in which frames may have been delivered, most likely first.
 
-    Args:
-        frames: the frames; their intrinsics count if ``stated``.
-        stated: whether a file or the user states the intrinsics.
-
-    Raises:
-        ConfigError: the sensor cannot have made the frames.
+    ``stated``: whether a file or the user states the intrinsics; otherwise these do not count.
+    Raises ConfigError if the sensor cannot have made the frames.
     """
     image, unit, rig = frames.intrinsics, frames[0].step_mm or 1.0, sensor.rig
     size, focal = (image.width, image.height), image.fx if stated else 0.0

@@ -105,8 +105,7 @@ def albedo_ramp(z_mm: float, half_x_mm: float, low: float, high: float) -> Mesh:
 
     Args:
         half_x_mm: half the width over which the albedo grows.
-        low: albedo of the left side.
-        high: albedo of the right side.
+        low, high: albedo of the left and of the right side.
     """
     mesh = rectangle((-half_x_mm, half_x_mm), (-0.8 * z_mm, 0.8 * z_mm), z_mm)
     return Mesh(mesh.vertices_mm, mesh.faces, np.array([low, high, high, low], np.float32))
@@ -122,11 +121,7 @@ def depth_edge(near_mm: float, far_mm: float) -> Mesh:
 
 
 def occluder(near_mm: float, far_mm: float, half_mm: float, albedo: float = 1.0) -> Mesh:
-    """Build a square on the axis in front of a wall.
-
-    Args:
-        half_mm: half the square's side.
-    """
+    """Build a square on the axis, of half a side ``half_mm``, in front of a wall."""
     square = rectangle((-half_mm, half_mm), (-half_mm, half_mm), near_mm, albedo)
     return merge_meshes(square, wall(far_mm, albedo))
 

@@ -78,9 +78,8 @@ def tell_apart(
 ) -> Verdict:
     """Train a classifier to distinguish the patches of two sets; its verdict is reproducible.
 
-    Args:
-        first_views, second_views: number of the view of each frame; all frames of a static
-            recording have the same number. Default: every frame has another view.
+    Views are the view numbers of frames; those of a static recording are equal. Default: all
+    differ.
     """
     a, b = _matched(first.matched, second.matched)
     if min(len(a), len(b)) < LEAST_PATCHES:

@@ -36,12 +36,7 @@ _ROUGHEST_MM, _ROUGHEST_MM_PER_M = 3.0, 2.0
 
 SURFACE_FEATURES = (
     "log of the residual",
-    "correlation at 1 px along x",
-    "correlation at 2 px along x",
-    "correlation at 3 px along x",
-    "correlation at 1 px along y",
-    "correlation at 2 px along y",
-    "correlation at 3 px along y",
+    *(f"correlation at {px} px along {axis}" for axis in "xy" for px in (1, 2, 3)),
     "correlation on the diagonal",
     "step between odd and even rows",
     "spread of the rows' means",
@@ -206,14 +201,9 @@ def _edge_features(z: Array, front_mm: Array, back_mm: Array) -> Array:
 
 
 def _rough(z: Array, used: NDArray[np.bool_]) -> Array:
-    """Compute the logarithm of each patch's roughness, the mean second difference along rows.
+    """Compute the (N,) roughness, log of mm, of (N, H, W) patches; 0 without used pixels.
 
-    Args:
-        z: (N, H, W) depth, mm.
-        used: (N, H, W) mask of the pixels to measure.
-
-    Returns:
-        (N,) log of mm; 0 for a patch without used pixels.
+    It is the mean second difference along rows.
     """
     bend = np.abs(np.diff(np.where(used, z, np.nan), 2, axis=-1))
     count = np.isfinite(bend).sum(axis=(1, 2))

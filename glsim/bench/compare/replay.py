@@ -136,13 +136,8 @@ def compare_replay(
 ) -> tuple[Comparison, str]:
     """Compare real frames with their replay in the mode in which they were delivered.
 
-    Of modes that cannot be told apart, the one whose surfaces are told less is chosen.
-
-    Args:
-        seed, assignments, smooth_px: see ``replay``.
-
-    Returns:
-        The comparison, and a sentence about the mode, the smoothing, and other modes.
+    Of modes that cannot be told apart, the one whose surfaces are told less is chosen. Also returns
+    a sentence about the mode, the smoothing, and other modes.
     """
     tried: list[tuple[float, Comparison, str, str]] = []
     for mode in possible_modes(load_sensor(sensor), real, stated, find_lattice(real)):

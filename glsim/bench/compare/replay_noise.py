@@ -82,8 +82,7 @@ class ReplayNoise:
 def measure_replay_noise(frames: Sequence[DepthFrame], smooth_px: float | None) -> ReplayNoise:
     """Measure the noise on the smoothest surfaces of frames that all or none have infrared.
 
-    Args:
-        smooth_px: widest smoothing window. None: by the correlation of the noise.
+    ``smooth_px``: widest smoothing window. None: by the correlation of the noise.
     """
     half_px = half_distance_px(frames) if smooth_px is None else float("nan")
     widest = smooth_px or float(np.clip(_SMOOTH_OVER_HALF * half_px, *_SMOOTH_PX))

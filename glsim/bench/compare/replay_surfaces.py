@@ -168,12 +168,8 @@ class SmoothSurfaces:
         """Give back the relief that exceeds the noise in its band: noses, cloth, hair, print.
 
         If real noise were rendered as relief, a sensor with too little noise would seem realistic.
-
-        Args:
-            noise_mm2: (bands, H, W) variance of the camera's noise in each band, mm^2.
-
-        Returns:
-            (H, W) mm: the widest smoothing plus 1 - (2 noise / energy)^2 of each band.
+        Returns (H, W) mm: the widest smoothing plus 1 - (2 noise / energy)^2 of each band, from the
+        (bands, H, W) variance of the camera's noise, mm^2.
         """
         with np.errstate(over="ignore"):
             excess = _RELIEF_OVER_NOISE * noise_mm2 / np.maximum(self.energy, 1e-9)

@@ -51,11 +51,7 @@ class Rival:
 
 @dataclass(frozen=True)
 class BaseChoice:
-    """The chosen base sensor of a fit, and the evidence.
-
-    Attributes:
-        rivals: all bases, nearest first; empty if the user names the base.
-    """
+    """The chosen base sensor of a fit; ``rivals``: all bases, nearest first, unless it is named."""
 
     name: str
     rivals: tuple[Rival, ...] = ()

@@ -92,14 +92,10 @@ def fit_wiggling(
     image: Intrinsics,
     emitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
 ) -> Wiggling | None:
-    """Fit the harmonics to all planes of the scene together.
+    """Fit the harmonics to all planes of a recording without lens distortion, which bends planes.
 
-    Args:
-        statistics: statistics of a recording without lens distortion, which would bend planes.
-        emitter_m: (x, y, z) of the emitter in the camera frame.
-
-    Returns:
-        The harmonics; None if the planes cover too short a range of distances along the rays.
+    ``emitter_m``: (x, y, z) of the emitter in the camera frame. Returns None if the planes cover
+    too short a range of distances along the rays.
     """
     flat = image.rays().astype(np.float64)
     usable = statistics.smooth & np.isfinite(statistics.mean_mm)
@@ -137,14 +133,10 @@ def fit_wiggling(
 def _fit_waves(planes: Sequence[tuple[NDArray[Any], ...]]) -> tuple[Array, Array]:
     """Fit the waves to the residuals of planes.
 
-    Args:
-        planes: for the N pixels of each plane: design (N, 3), the columns 1, x/z and y/z; and (N,)
-            depth, mm, half the path of the light, mm, weight, and number of the tile.
-
-    Returns:
-        Coefficients, cosines then sines, mm, and their standard errors: the larger of the error
-        from noise, which is shared by the filter's 3 x 3 pixels, and the error of a jackknife over
-        tiles, which includes bends of the planes.
+    A plane has, for N pixels: design (N, 3), the columns 1, x/z and y/z; and (N,) depth, mm, half
+    the path of the light, mm, weight, and number of the tile. Returns coefficients, cosines then
+    sines, mm, and their standard errors: the larger of the error from noise, which is shared by the
+    filter's 3 x 3 pixels, and of a jackknife over tiles, which includes bends of the planes.
     """
     squares, products = [], []
     left, pixels = 0.0, 0

@@ -90,12 +90,7 @@ def sensor_toml(
     rig: Mapping[str, Any],
     stages: Sequence[Mapping[str, Any]],
 ) -> str:
-    """Write the TOML text of a sensor.
-
-    Args:
-        head: keys before the first table.
-        rig: the table [rig]; "imager" and "emitter" are lists of tables.
-    """
+    """Write the TOML text of a sensor; "imager" and "emitter" of ``rig`` are lists of tables."""
     lines = [*(f"# {comment}".rstrip() for comment in comments), *_entries(head), "", "[rig]"]
     parts = [("rig." + name, rig.get(name, ())) for name in ("imager", "emitter")]
     lines += _entries({k: v for k, v in rig.items() if k not in ("imager", "emitter")})

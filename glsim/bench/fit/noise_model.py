@@ -102,8 +102,7 @@ def fit_infrared(
 ) -> InfraredLaw:
     """Fit the gain and the noise law to a recording with infrared.
 
-    Args:
-        albedo: reflectivity of the brightest surfaces, relative to white.
+    ``albedo``: reflectivity of the brightest surfaces, relative to white.
     """
     mean = mean_frame(frames)
     assert mean.infrared is not None
@@ -247,10 +246,7 @@ def facing_light(
     """Compute the (H, W) light of each pixel relative to a frontal wall at 1 m.
 
     NaN where neighbours are missing, and on slanted surfaces, where noise has further causes.
-
-    Args:
-        mean_mm: (H, W) mean depth, NaN = none.
-        emitter_m: position of the emitter in camera axes, m.
+    The emitter's position is in camera axes.
     """
     rays = _rays(image)
     points = rays * mean_mm[..., None] / MM_PER_M

@@ -29,11 +29,9 @@ _ROWS = (
 
 @dataclass(frozen=True)
 class Proof:
-    """Result of a proof.
+    """A table of recording, base and fitted sensor.
 
-    Attributes:
-        lines: the table: recording, base and fitted sensor.
-        better: whether the fitted sensor is told less than its base by two standard errors.
+    ``better``: whether the fitted sensor is told less than its base by two standard errors.
     """
 
     lines: tuple[str, ...]
@@ -47,11 +45,7 @@ def prove(
     base: str,
     progress: Callable[[str], None],
 ) -> Proof:
-    """Compare frames that a fit did not see with their replays.
-
-    Args:
-        part: its frames that the fit did not see.
-    """
+    """Compare the frames in ``part``, which a fit did not see, with their replays."""
     unseen = recording.read_static(_FRAMES, part)
     frames = Frames.of([frame.changed(intrinsics=fitted.image) for frame in unseen], unseen.title)
     with TemporaryDirectory() as folder:

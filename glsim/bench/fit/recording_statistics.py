@@ -30,14 +30,9 @@ MAP_WINDOW_PX, _LEAST_WINDOW = 15, 0.2
 def pattern_parameters(halves: Sequence[DepthFrame]) -> tuple[dict[str, float], float]:
     """Measure the fixed pattern of a device by the function of ``glsim compare``.
 
-    A parameter is 0 where the frames are too few or too small to show it.
-
-    Args:
-        halves: mean of the even frames, and mean of the odd frames. Both contain the same pattern.
-
-    Returns:
-        Parameters of the stage ``fixed_pattern``, mm, and the correlation of single pixels at 1 px.
-        The alternation has no sign, since the stage draws it at random.
+    The halves are the means of the even and of the odd frames. Returns parameters of the stage
+    ``fixed_pattern``, mm, 0 where the frames are too few or too small to show one, and the
+    correlation of single pixels at 1 px. The stage draws the alternation's sign at random.
     """
     measured = measure_pattern(halves)
     bands = np.array(measured.alternation_mm)  # half steps of odd rows, from the top to the bottom

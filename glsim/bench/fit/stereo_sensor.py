@@ -79,13 +79,8 @@ def measure_stereo(
 ) -> StereoStatistics:
     """Measure the disparity noise of a static recording.
 
-    Args:
-        lattice: lattice of the depths, which gives f B.
-        steps: steps of disparity per pixel of this kind of camera.
-        focal_baseline_px_mm: f B of the base sensor, for recordings without a lattice.
-
-    Raises:
-        DatasetError: no part of the scene is plane.
+    Raises DatasetError if no part of the scene is plane. ``steps`` of disparity per pixel and the
+    lattice give f B; without a lattice it is ``focal_baseline_px_mm``, that of the base sensor.
     """
     unit = frames[0].step_mm or 1.0
     product = focal_baseline_px_mm if lattice is None else lattice.constant * unit / steps
@@ -147,9 +142,8 @@ def fit_stereo(
         focal_px: focal length of the recording. None: as the recording states; else the base's, or
             from the base's baseline.
 
-    Raises:
-        ConfigError: the focal length is not known, or the frames are decimated or registered.
-        DatasetError: the recording is not static, or shows no planes.
+    Raises ConfigError if the focal length is not known, or the frames are decimated or registered;
+    DatasetError if the recording is not static, or shows no planes.
     """
     sensor = load_sensor(base)
     rig, steps = sensor.rig, _matcher_value(sensor, "subpixel_steps")

@@ -67,9 +67,8 @@ def fit_time_of_flight(
         named: whether the user names the base. If not, kinect-v2 replaces kinect-v2-fast where its
             filter does not explain the correlation of the noise.
 
-    Raises:
-        ConfigError: the focal length is not known.
-        DatasetError: the recording is not static, or shows no smooth surfaces.
+    Raises ConfigError if the focal length is not known, DatasetError if the recording is not static
+    or shows no smooth surfaces.
     """
     name = base
     recorded = recording.read_static(part=part)
@@ -187,9 +186,7 @@ def fitted_toml(
 ) -> str:
     """Write the sensor file: the base's rig and stages with fitted values and intrinsics.
 
-    Args:
-        tree: TOML tree of the base sensor; its lens distortion is not written.
-        pattern_map: file name of the fixed pattern's map beside the sensor file, or "".
+    The lens distortion in the base's ``tree`` is not written. ``pattern_map``: file name or "".
     """
     rig = {k: v for k, v in tree["rig"].items() if k != "distortion"}
     rig |= {

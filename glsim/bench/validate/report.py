@@ -18,12 +18,7 @@ COLUMNS = ("#", "check", "measured", "band", "source", "kind", "", "note")
 
 @dataclass(frozen=True)
 class Band:
-    """Interval in which a measured number must lie.
-
-    Attributes:
-        key: name of the number in the measurement.
-        low, high: smallest and largest value, in ``unit``.
-    """
+    """Interval, in ``unit``, in which a measured number must lie; its ``key`` names the number."""
 
     key: str
     low: float
@@ -52,9 +47,8 @@ class Band:
 class Check:
     """A line of a validation sheet: a checked quantity and its bands.
 
-    Attributes:
-        kind: kind of the source: "measured" on devices, "datasheet" (or source code of a decoder),
-            or "derived" from these or from physics.
+    ``kind`` of the source: "measured" on devices, "datasheet" (or source code of a decoder), or
+    "derived" from these or from physics.
     """
 
     number: str

@@ -106,9 +106,7 @@ def validate_sensor(
     """Run all checks of a sensor, given by a shipped name or a .toml file.
 
     Raises ConfigError for a sensor without a sheet, and the errors of ``simulate``.
-
-    Args:
-        frames: number of frames of each wall; more frames give more precise numbers.
+    ``frames`` of each wall are captured; more frames give more precise numbers.
     """
     _sheet_of(load_sensor(sensor))
     with borrowed_context(backend) as context:

@@ -53,15 +53,10 @@ _RAMP_MM = 1000.0
 def plane_tiles(
     depth_mm: NDArray[np.floating], infrared: NDArray[np.floating], side_px: int = SIDE_PX
 ) -> tuple[Array, Array, Array]:
-    """Fit planes to half-overlapping tiles of a frame that have no holes and no edges.
+    """Fit planes to half-overlapping tiles of (H, W) depth and infrared without holes and edges.
 
-    Args:
-        depth_mm: (H, W) depth, mm; 0 or NaN where there is none.
-        infrared: (H, W) counts.
-
-    Returns:
-        (N,) median infrared, counts; (N,) rms of the residual, mm; and (N, side, side) residual
-        (depth minus plane), mm.
+    Returns (N,) median infrared, counts; (N,) rms of the residual, mm; and (N, side, side) residual
+    (depth minus plane), mm. Depth is 0 or NaN where there is none.
     """
     size, step = (side_px, side_px), side_px // 2
     z, light = (
@@ -146,15 +141,12 @@ def rims(captures: Captures) -> dict[str, Measurement]:
 
 
 def rim_measurements(depth_mm: NDArray[np.floating]) -> dict[str, Measurement]:
-    """Measure checks 5 to 8 on a frame of the mug, real or simulated.
+    """Measure checks 5 to 8 on (H, W) depth of the mug, 0 = none, real or simulated.
 
     A row is divided into segments of smooth depth; a rim is a step between two of them. A line is
     fitted to pixels 5 to 10 from the rim. The bend of a segment is the distance of its outermost
     pixels from this line, negative towards the camera. A sum of two surfaces' phasors bends a
     segment either way; a mean of depths bends it towards the other surface only.
-
-    Args:
-        depth_mm: (H, W) depth, mm; 0 where there is none.
     """
     z = np.nan_to_num(np.asarray(depth_mm, np.float64))
     # Neighbours belong to one segment if their depths differ by less than a tenth.

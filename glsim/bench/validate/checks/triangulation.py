@@ -163,8 +163,7 @@ def truedepth(captures: Captures) -> dict[str, Measurement]:
 def board_measurements(disparity: Sequence[Array]) -> dict[str, Measurement]:
     """Measure checks 9 to 11 of truedepth on frames of boards, real or simulated.
 
-    Args:
-        disparity: (H, W) disparity of each frame, px or 1/m; the baseline is along columns.
+    They are (H, W) disparity, px or 1/m, with the baseline along columns.
     """
     tiles = [find_tiles(image) for image in disparity]
     along = measure_disparity_noise(disparity).columns
