@@ -91,8 +91,11 @@ def possible_modes(
     found += _registered(sensor, image, focal, by_lattice)
     if found:
         return tuple(found)
-    if by_lattice and not _crop(sensor, size, focal or by_lattice, by_lattice):
-        nearest = min((f for *_, f in sensor.modes), key=lambda f: _apart(f, by_lattice))
+    sizes = {mode[:2] for mode in sensor.modes}
+    nearest = min((f for *_, f in sensor.modes), key=lambda f: _apart(f, by_lattice or f))
+    # Frames may be a crop of a mode: no mode's size, and its focal length.
+    crop = size not in sizes and _apart(nearest, by_lattice or nearest) < _ALIKE
+    if by_lattice and not (crop and _apart(focal or by_lattice, by_lattice) < _SAME):
         baseline_mm = MM_PER_M * rig.baseline_m
         says = f", the files say {focal:.0f}" if focal else ""
         raise ConfigError(
@@ -101,7 +104,7 @@ def possible_modes(
             f"has, the focal length is {by_lattice:.0f} px{says}; the nearest mode of that camera "
             f"has {nearest:.0f} px: another camera made these frames"
         )
-    if lattice is None and steps and size not in {mode[:2] for mode in sensor.modes}:
+    if lattice is None and steps and size not in sizes:
         depths = distinct_values((f.measured_mm for f in frames), unit)
         if depths.size > _MANY_DEPTHS:
             raise ConfigError(
@@ -139,15 +142,12 @@ def _with_focal(image: Intrinsics, focal: float, own: Intrinsics) -> Intrinsics:
 
 
 def _native(sensor: Sensor, image: Intrinsics, focal: float, by_lattice: float) -> list[Mode]:
-    agreed = [
-        f
-        for width, height, own in sensor.modes
-        if (width, height) == (image.width, image.height) and (f := _agree(own, focal, by_lattice))
-    ]
-    if not agreed:
-        return []
-    camera = _with_focal(image, agreed[0], sensor.rig.intrinsics)
-    return [Mode(f"its mode {image.width}x{image.height}, f {agreed[0]:.0f} px", camera, camera)]
+    for width, height, own in sensor.modes:
+        same = (width, height) == (image.width, image.height)
+        if same and (f := _agree(own, focal, by_lattice)):
+            camera = _with_focal(image, f, sensor.rig.intrinsics)
+            return [Mode(f"its mode {width}x{height}, f {f:.0f} px", camera, camera)]
+    return []
 
 
 def _decimated(sensor: Sensor, image: Intrinsics, focal: float, by_lattice: float) -> list[Mode]:
@@ -169,11 +169,9 @@ def _decimated(sensor: Sensor, image: Intrinsics, focal: float, by_lattice: floa
 def _registered(sensor: Sensor, image: Intrinsics, focal: float, by_lattice: float) -> list[Mode]:
     colour, own = sensor.rig.colour, sensor.rig.intrinsics
     ratio = image.width / image.height
-    if (
-        colour is None
-        or not any(colour.position_m)
-        or min(_apart(ratio, r) for r in _RATIOS) > 0.01
-    ):
+    if colour is None or not any(colour.position_m):
+        return []
+    if min(_apart(ratio, r) for r in _RATIOS) > 0.01:
         return []
     # Sizes of one colour camera share its rows: the focal length grows with their number.
     usual = colour.intrinsics.fx * image.height / colour.intrinsics.height
@@ -182,22 +180,10 @@ def _registered(sensor: Sensor, image: Intrinsics, focal: float, by_lattice: flo
     size, wide = (image.width, image.height), {1280, 1920, colour.intrinsics.width}
     if not focal and image.width not in wide and size not in {mode[:2] for mode in sensor.modes}:
         return []
-    agreed = [
-        (w, h, by_lattice or f)
-        for w, h, f in sensor.modes
-        if h >= _LEAST_ROWS and _agree(f, 0.0, by_lattice)
-    ]
-    if not agreed:
-        return []
-    (width, height, f), delivered = agreed[0], _with_focal(image, focal or usual, colour.intrinsics)
-    same = (width, height) == (own.width, own.height)
-    centre = (own.cx, own.cy) if same else (width / 2, height / 2)
-    name = f"registered to colour, f {delivered.fx:.0f} px, of {width}x{height}, f {f:.0f} px"
-    return [Mode(name, delivered, Intrinsics(width, height, f, f, *centre), registered=True)]
-
-
-def _crop(sensor: Sensor, size: tuple[int, int], focal: float, by_lattice: float) -> bool:
-    """Return whether frames may be a crop of a mode: no mode's size, and its focal length."""
-    sizes = {mode[:2] for mode in sensor.modes}
-    fits = any(_apart(f, by_lattice) < _ALIKE for *_, f in sensor.modes)
-    return size not in sizes and fits and _apart(focal, by_lattice) < _SAME
+    delivered = _with_focal(image, focal or usual, colour.intrinsics)
+    for width, height, usual_px in sensor.modes:
+        if height >= _LEAST_ROWS and (f := _agree(usual_px, 0.0, by_lattice)):
+            depth = _with_focal(Intrinsics(width, height, 0.0, 0.0, 0.0, 0.0), f, own)
+            name = f"registered to colour, f {delivered.fx:.0f} px, of {width}x{height}, f {f:.0f}"
+            return [Mode(f"{name} px", delivered, depth, registered=True)]
+    return []

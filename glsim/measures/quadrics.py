@@ -72,20 +72,13 @@ def fit_surfaces(depth_mm: Floats, rays: Floats, size: int) -> Surfaces:
     bent = ramp**2 - (ramp**2).mean()
     curve = np.sqrt(size * (bent**2).sum())
     bend = 4.0 * np.maximum(np.abs(parts[3]), np.abs(parts[5])) / curve
-    return Surfaces(
-        _masked(residual, whole),
-        _masked(np.sqrt(np.maximum(left, 0.0) / (size * size - 6)), whole),
-        _masked(_cosine(z, slope_x, slope_y, rays), whole),
-        _masked(bend, whole),
-    )
+    rough = np.sqrt(np.maximum(left, 0.0) / (size * size - 6))
+    images = residual, rough, _cosine(z, slope_x, slope_y, rays), bend
+    return Surfaces(*(np.where(whole, image, np.nan).astype(np.float32) for image in images))
 
 
 def _filter(image: Array, kernel: Array) -> Array:
     return np.asarray(cv2.filter2D(image, cv2.CV_64F, kernel, borderType=cv2.BORDER_REFLECT))
-
-
-def _masked(values: Array, mask: Mask) -> Floats:
-    return np.where(mask, values, np.nan).astype(np.float32)
 
 
 def _cosine(z: Array, slope_x: Array, slope_y: Array, rays: Floats) -> Array:

@@ -105,16 +105,14 @@ class Comparison:
         known = {kind: v for kind, v in self.verdicts.items() if math.isfinite(v.boosted_auc)}
         if not known:
             return ["No patches are classified: the sets are compared by the measures alone."]
-        aucs, tells, apart = [], [], False
+        aucs, tells = [], []
         for kind, v in known.items():
             floor = _FLOORS.get(kind, (0.5, 0.5))[1]
             aucs.append(f"{kind} {v.boosted_auc:.2f} +- {v.boosted_auc_error:.2f} (floor {floor})")
             if v.boosted_auc > floor + 2 * v.boosted_auc_error:
-                apart = True
                 tells.append(f"{kind} by {', '.join(_told(t) for t in v.telling[:1])}")
-        if not apart:
-            do = "nothing: what is left is told from a sensor's own frames as well"
-        else:
+        do = "nothing: what is left is told from a sensor's own frames as well"
+        if tells:
             do = (
                 "fit a sensor to the first set (glsim fit) or change the stage that makes this "
                 "feature (glsim tune); scenes that differ, too: glsim compare REAL --replay SENSOR"
@@ -145,9 +143,9 @@ class Comparison:
             if row.group != group:
                 table.append([f"**{row.group}**", "", "", "", ""])
                 group = row.group
-            table.append(
-                [row.name, row.unit, _number(row.first), _number(row.second), _change(row)]
-            )
+            sign = "" if row.as_ratio else "+"
+            change = f"{row.change:{sign}.2f}" if math.isfinite(row.change) else ""
+            table.append([row.name, row.unit, _number(row.first), _number(row.second), change])
         lines += markdown_table(head, table)
         verdicts = []
         for kind, v in self.verdicts.items():
@@ -270,12 +268,6 @@ def _number(value: float) -> str:
     size = abs(value)
     digits = 0 if size >= 100 else 1 if size >= 10 else 2
     return f"{value:,.{digits}f}"
-
-
-def _change(row: Row) -> str:
-    if not math.isfinite(row.change):
-        return ""
-    return f"{row.change:.2f}" if row.as_ratio else f"{row.change:+.2f}"
 
 
 def compare_sets(

@@ -20,7 +20,7 @@ from glsim.bench.compare.replay_noise import measure_replay_noise
 from glsim.bench.compare.replay_surfaces import ReplaySurfaces, find_surfaces, mesh_of
 from glsim.bench.modes import Mode, find_lattice, possible_modes
 from glsim.core.array_types import Array
-from glsim.core.camera import ColourCamera, Intrinsics, SensorRig
+from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.errors import ConfigError
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
@@ -115,7 +115,12 @@ def replay(
                 albedo = _albedo(virtual, surfaces, frame.infrared)
             seen_by = virtual.rig.intrinsics if plain else camera
             mesh = mesh_of(surfaces, seen_by, albedo)
-            return _from_colour(mesh, colour) if mode.registered else mesh
+            if mode.registered:  # from the colour camera's frame to the depth camera's
+                back = np.linalg.inv(colour.from_depth())
+                points = product(mesh.vertices_mm.astype(np.float64), back[:3, :3].T)
+                moved = (points + MM_PER_M * back[:3, 3]).astype(np.float32)
+                mesh = replace(mesh, vertices_mm=moved)
+            return mesh
 
         made = []
         for frame, view in zip(frames, view_numbers(real), strict=True):
@@ -161,14 +166,6 @@ def _grid(camera: Intrinsics) -> dict[str, Any]:
     """Return the keys of [rig], or of [rig.colour], that place the pixels of a camera."""
     size = {"width": camera.width, "height": camera.height}
     return {**size, "focal_px": [camera.fx, camera.fy], "centre_px": [camera.cx, camera.cy]}
-
-
-def _from_colour(mesh: Mesh, colour: ColourCamera) -> Mesh:
-    """Move a mesh from the colour camera's frame to the depth camera's frame."""
-    back = np.linalg.inv(colour.from_depth())
-    points = product(mesh.vertices_mm.astype(np.float64), back[:3, :3].T)
-    moved = points + MM_PER_M * back[:3, 3]
-    return replace(mesh, vertices_mm=moved.astype(np.float32))
 
 
 def _range_assignments(real: Frames, sensor: Sensor, depth: Intrinsics) -> list[str]:

@@ -80,7 +80,13 @@ def choose_base(recording: Recording, base: str | None, focal_px: float | None) 
         return BaseChoice(stated)
     frames = recording.read(_FRAMES, focal_px)
     known_focal = focal_px is not None or recording.camera is not None
-    rivals = rank_bases(frames, known_focal)
+    lattice, some = find_lattice(frames), list(frames[:: max(len(frames) // 4, 1)])
+    half_px = half_distance_px(some)
+    found = [
+        _rival(load_sensor(name), alike, frames, known_focal, lattice, half_px)
+        for name, alike in _KINDS.items()
+    ]
+    rivals = sorted(found, key=lambda rival: rival.distance)
     first, second = rivals[:2]
     if first.distance > _TOO_FAR or second.distance - first.distance < _APART:
         near = ", ".join(f"{r.name} {r.distance:.1f} ({r.why})" for r in rivals[:3])
@@ -91,19 +97,6 @@ def choose_base(recording: Recording, base: str | None, focal_px: float | None) 
         )
     size = frames.intrinsics.width, frames.intrinsics.height
     return BaseChoice(_OF_SIZE.get((first.name, size), first.name), tuple(rivals))
-
-
-def rank_bases(frames: Frames, known_focal: bool) -> list[Rival]:
-    """Compute the distance of all bases from frames, nearest first."""
-    lattice, half_px = (
-        find_lattice(frames),
-        half_distance_px(list(frames[:: max(len(frames) // 4, 1)])),
-    )
-    found = [
-        _rival(load_sensor(name), alike, frames, known_focal, lattice, half_px)
-        for name, alike in _KINDS.items()
-    ]
-    return sorted(found, key=lambda rival: rival.distance)
 
 
 def _rival(

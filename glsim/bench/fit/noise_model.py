@@ -202,13 +202,11 @@ def fit_noise_model(
     x, squared, variance, weight = _classes(
         light[used], cosine[used] ** 2, statistics.variance_mm2[used], statistics.frames
     )
-    rounding = unit_mm**2 / 12.0
-    best, error, floor = _search(x, squared, variance - rounding, weight, taps)
+    columns = x, squared, variance - unit_mm**2 / 12.0, weight
+    best, error, floor = _search(*columns, taps)
     strong = best * x >= _LEAST_AMPLITUDE
     if 3 <= strong.sum() < len(x):
-        best, error, floor = _search(
-            x[strong], squared[strong], (variance - rounding)[strong], weight[strong], taps
-        )
+        best, error, floor = _search(*(column[strong] for column in columns), taps)
     return NoiseModel(best, error, floor, x, np.sqrt(variance))
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from glsim.bench.compare.comparison import Comparison, compare_sets
+from glsim.bench.compare.comparison import compare_sets
 from glsim.bench.compare.patches import KINDS
 from glsim.bench.compare.replay import replay
 from glsim.bench.fit.fitted_sensor import FittedSensor, write_fitted
@@ -65,20 +65,13 @@ def prove(
             if kind in KINDS[:2]:
                 gains.append(abs(first.auc - 0.5) - abs(second.auc - 0.5))
                 errors.append(math.hypot(first.auc_error, second.auc_error))
-    lines += _measures(*made)
-    gain, error = sum(gains), math.hypot(*errors) if errors else math.inf
-    return Proof(tuple(lines), gain > 2.0 * error)
-
-
-def _measures(base: Comparison, fitted: Comparison) -> list[str]:
-    """Return the lines of the measures that tell replays apart."""
-    own = {(row.group, row.name): row.second for row in fitted.rows}
-    lines = []
-    for row in base.rows:
+    own = {(row.group, row.name): row.second for row in made[1].rows}
+    for row in made[0].rows:
         chosen = any(row.group.startswith(g) and row.name in names for g, names in _ROWS)
         if chosen and math.isfinite(row.first):
             name = f"{row.name}; {row.group}"
             values = [row.first, row.second, own.get((row.group, row.name), math.nan)]
-            first, *others = (f"{value:.2f}" for value in values)
-            lines.append(f"{name[:44]:44} {first:>10} {others[0]:>14} {others[1]:>14}")
-    return lines
+            real, *others = (f"{value:.2f}" for value in values)
+            lines.append(f"{name[:44]:44} {real:>10} {others[0]:>14} {others[1]:>14}")
+    gain, error = sum(gains), math.hypot(*errors) if errors else math.inf
+    return Proof(tuple(lines), gain > 2.0 * error)

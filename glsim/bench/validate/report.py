@@ -181,12 +181,9 @@ class ValidationReport:
         """Line of text with the count of each state."""
         counts = {state: sum(r.state == state for r in self.results) for state in STATES}
         text = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
-        beside = (
-            f"; real frames are told from replays by AUC {told}"
-            if (told := self.real_frames)
-            else ""
-        )
-        return f"{self.sensor}: {len(self.results)} checks: {text} ({self.seconds:.0f} s){beside}"
+        line = f"{self.sensor}: {len(self.results)} checks: {text} ({self.seconds:.0f} s)"
+        told = f"; real frames are told from replays by AUC {self.real_frames}"
+        return line + told if self.real_frames else line
 
     def as_json(self) -> dict[str, Any]:
         """Convert the report to values for a JSON file."""

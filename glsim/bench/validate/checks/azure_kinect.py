@@ -176,19 +176,13 @@ def rim_measurements(depth_mm: NDArray[np.floating]) -> dict[str, Measurement]:
     def middle(values: Array, *names: str) -> dict[str, float]:
         return {name: float(np.median(values[sides[name]])) for name in names}
 
+    next_lit = middle(front_bend[1], "lit")["lit"]
+    next_shadow = middle(back_bend[1], "shadow")["shadow"]
     return {
         "5": Measurement(middle(start - end, "lit", "shadow")),
         "6": Measurement({"share": float(between[mug].mean())}),
-        "7": Measurement(
-            {
-                **middle(front_bend[0], "lit", "shadow"),
-                "lit, next": middle(front_bend[1], "lit")["lit"],
-            }
-        ),
-        "8": Measurement(
-            middle(back_bend[0], "shadow", "lit")
-            | {"shadow, next": middle(back_bend[1], "shadow")["shadow"]}
-        ),
+        "7": Measurement(middle(front_bend[0], "lit", "shadow") | {"lit, next": next_lit}),
+        "8": Measurement(middle(back_bend[0], "shadow", "lit") | {"shadow, next": next_shadow}),
     }
 
 

@@ -32,27 +32,23 @@ def _measure_wall(
 
     with_noise, smooth = capture_wall(raw), capture_wall(filtered)
     return (
-        _phase_sigma(_phasors(with_noise, PHASES)),
-        _phase_sigma(_phasors(smooth, PHASES)),
+        _phase_sigma(with_noise),
+        _phase_sigma(smooth),
         measure.sigma_temporal(with_noise.measured_mm),
         measure.sigma_temporal(smooth.measured_mm),
     )
 
 
-def _phase_sigma(phasors: Array) -> Array:
-    """Compute the (3,) standard deviation of the phase over time, rad."""
+def _phase_sigma(capture: Frames) -> Array:
+    """Compute the (3,) standard deviation over time of the phase at 80, 16 and 120 MHz, rad."""
+    a, b = (capture.stack(name).astype(np.float64) for name in PHASES)
+    parts = np.stack([a[..., 0], a[..., 2], b[..., 0]]), np.stack([a[..., 1], a[..., 3], b[..., 1]])
+    phasors = parts[0] + 1j * parts[1]
     mean = phasors.mean(axis=1, keepdims=True)
     count = phasors.shape[1]
     # Angles are measured from each pixel's mean phasor, so that no angle wraps.
     angle = np.angle(phasors * np.conj(mean))
     return np.asarray(np.sqrt((angle**2).mean(axis=(1, 2, 3)) * count / (count - 1)))
-
-
-def _phasors(capture: Frames, layers: tuple[str, ...]) -> Array:
-    """Compute the complex phasors at 80, 16 and 120 MHz: (3, T, H, W)."""
-    a, b = (capture.stack(name).astype(np.float64) for name in layers)
-    parts = np.stack([a[..., 0], a[..., 2], b[..., 0]]), np.stack([a[..., 1], a[..., 3], b[..., 1]])
-    return np.asarray(parts[0] + 1j * parts[1])
 
 
 @validation_check("kinect-v2")
