@@ -75,12 +75,9 @@ def wall(z_mm: float, albedo: float = 1.0) -> Mesh:
 def tilted(z_mm: float, angle_deg: float, albedo: float = 1.0, half_mm: float = 300.0) -> Mesh:
     """Build a strip on the optical axis, turned about the x axis so that its top is nearer.
 
-    An emitter beside the camera lights the strip at the angle at which the camera sees it.
-
-    Args:
-        z_mm: depth of the middle.
-        angle_deg: angle between the strip's normal and the optical axis.
-        half_mm: half the strip's height.
+    An emitter beside the camera lights the strip at the angle at which the camera sees it: the
+    angle between the strip's normal and the optical axis. ``z_mm``: depth of the middle;
+    ``half_mm``: half the strip's height.
     """
     angle = np.radians(angle_deg)
     y, z = half_mm * np.cos(angle), half_mm * np.sin(angle)
@@ -101,12 +98,7 @@ def depth_ramp(z_mm: float, half_x_mm: float, half_range_mm: float) -> Mesh:
 
 
 def albedo_ramp(z_mm: float, half_x_mm: float, low: float, high: float) -> Mesh:
-    """Build a wall with a linear albedo.
-
-    Args:
-        half_x_mm: half the width over which the albedo grows.
-        low, high: albedo of the left and of the right side.
-    """
+    """Build a wall whose albedo grows linearly from left to right, from -half_x_mm to half_x_mm."""
     mesh = rectangle((-half_x_mm, half_x_mm), (-0.8 * z_mm, 0.8 * z_mm), z_mm)
     return Mesh(mesh.vertices_mm, mesh.faces, np.array([low, high, high, low], np.float32))
 
@@ -143,9 +135,7 @@ def _slanted_bar(left_mm: float, right_mm: float, z_mm: float, albedo: float = 1
 def faces(count: int, z_mm: float, seed: int, wear: Literal["always", "never"]) -> list[list[Mesh]]:
     """Build procedural heads, each a mesh of skin and the meshes of what the person wears.
 
-    Args:
-        z_mm: depth of the heads' origin.
-        wear: whether all people wear hair and clothes, or none.
+    Their origin is at ``z_mm``. ``wear``: whether all people wear hair and clothes, or none.
     """
     source = ProceduralFaces(seed)
     keys = [source.frames(subject, 1)[0] for subject in source.subjects(count)]
@@ -164,12 +154,9 @@ def room_corner(focal_baseline_px_mm: float = _FOCAL_BASELINE_PX_MM) -> Mesh:
     """Build a simple model of the room corner in two real frames of a D435.
 
     A wall at 1.75 m, a board that recedes on the right from 0.35 to 1.6 m, a bag in the corner, a
-    dark backpack, a box on the floor, and a frame on the board.
-
-    Args:
-        focal_baseline_px_mm: focal length times baseline of the camera. The scene is scaled with
-            it, so that all cameras see the same disparities: 11 px on the wall, up to 98 px on the
-            board.
+    dark backpack, a box on the floor, and a frame on the board. The scene is scaled with focal
+    length times baseline, so that all cameras see 11 px of disparity on the wall, up to 98 px on
+    the board.
     """
     table = read_toml(Path(__file__).with_name("room_corner.toml"))["rectangles"]
     mesh = merge_meshes(*(rectangle(x, y, z, albedo) for x, y, z, albedo in table))

@@ -97,9 +97,8 @@ def measure_gaps(found: Sequence[Steps], right: bool) -> tuple[float, float]:
     Returns the median width, px, and the median of width over difference of disparity; NaN with
     fewer than LEAST_STEPS steps.
     """
-    use = [(s.right == right) & (s.gap == s.empty) for s in found]
-    width = np.concatenate([s.gap[u] for s, u in zip(found, use, strict=True)])
-    step = np.concatenate([s.step[u] for s, u in zip(found, use, strict=True)])
+    every = [np.stack([s.gap, s.step])[:, (s.right == right) & (s.gap == s.empty)] for s in found]
+    width, step = np.concatenate(every, axis=1)
     if width.size < LEAST_STEPS:
         return float("nan"), float("nan")
     return float(np.median(width)), float(np.median(width / step))

@@ -317,8 +317,5 @@ def compare_sets(
             for frames, m in zip((first, second), measured, strict=True)
         ]
         views = [view_numbers(frames) for frames in (first, second)]
-        verdicts = {
-            kind: tell_apart(patches[0][kind], patches[1][kind], views[0], views[1])
-            for kind in KINDS
-        }
+        verdicts = {k: tell_apart(patches[0][k], patches[1][k], *views) for k in KINDS}
     return Comparison(measured[0], measured[1], verdicts)

@@ -74,8 +74,6 @@ def replay(
 
     Args:
         real: the frames; their intrinsics replace the sensor's.
-        sensor: name of a sensor, or a sensor file.
-        seed: seed of the device and its noise.
         assignments: parameters of the sensor's stages, in the form of ``--set``.
         smooth_px: standard deviation of the smoothing window. Default: from the noise.
         mode: the mode of ``real``, with its intrinsics. Default: the sensor's depth in the grid of

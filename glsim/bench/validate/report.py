@@ -79,11 +79,9 @@ CheckFunction = Callable[[Any], dict[str, Measurement]]
 
 
 def validation_check(sheet: str, *checks: Check) -> Callable[[CheckFunction], CheckFunction]:
-    """Register a CheckFunction.
+    """Register a CheckFunction of the sheet of a sensor, ``sheet``.
 
-    Args:
-        sheet: name of the sensor whose validation sheet has the checks.
-        checks: checks that are not in a file of ``glsim/bench/validate/sheets``.
+    ``checks``: those that are not in a file of ``glsim/bench/validate/sheets``.
     """
 
     def mark(function: CheckFunction) -> CheckFunction:
@@ -155,11 +153,9 @@ class CheckResult:
 
 @dataclass(frozen=True)
 class ValidationReport:
-    """Results of all checks of one sensor.
+    """Results of all checks of one sensor; ``sheet`` is the title of its validation sheet.
 
-    Args:
-        sheet: title of its validation sheet.
-        real_frames: AUC by which real frames are told from replays; "" if none were compared.
+    ``real_frames``: AUC by which real frames are told from replays; "" if none were compared.
     """
 
     sensor: str

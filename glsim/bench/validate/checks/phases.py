@@ -30,13 +30,9 @@ def _measure_wall(
             extra=PHASES,
         ).centre()
 
-    with_noise, smooth = capture_wall(raw), capture_wall(filtered)
-    return (
-        _phase_sigma(with_noise),
-        _phase_sigma(smooth),
-        measure.sigma_temporal(with_noise.measured_mm),
-        measure.sigma_temporal(smooth.measured_mm),
-    )
+    shots = capture_wall(raw), capture_wall(filtered)
+    sigma_mm = [measure.sigma_temporal(shot.measured_mm) for shot in shots]
+    return _phase_sigma(shots[0]), _phase_sigma(shots[1]), sigma_mm[0], sigma_mm[1]
 
 
 def _phase_sigma(capture: Frames) -> Array:
