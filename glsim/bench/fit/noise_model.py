@@ -206,7 +206,8 @@ def fit_noise_model(
     best, error, floor = _search(*columns, taps)
     strong = best * x >= _LEAST_AMPLITUDE
     if 3 <= strong.sum() < len(x):
-        best, error, floor = _search(*(column[strong] for column in columns), taps=taps)
+        used_columns = x[strong], squared[strong], columns[2][strong], weight[strong]
+        best, error, floor = _search(*used_columns, taps)
     return NoiseModel(best, error, floor, x, np.sqrt(variance))
 
 
