@@ -44,11 +44,6 @@ def stored_protocol(nearest_to_mm: float | None) -> DepthProtocol:
 
 
 def offset_to_nearest(depth_mm: NDArray[np.floating], nearest_mm: float = NEAREST_MM) -> float:
-    """Compute the millimetres to subtract so that the nearest depth becomes ``nearest_mm``.
-
-    Args:
-        depth_mm: the true depth, any shape, 0 = none. Without any depth the result is 0.
-        nearest_mm: the wanted nearest depth.
-    """
+    """Compute mm to subtract so that the nearest depth is ``nearest_mm``; 0 without any depth."""
     valid = depth_mm[depth_mm > 0]
     return float(valid.min()) - nearest_mm if valid.size else 0.0

@@ -59,11 +59,7 @@ def shape_weights(
     """Compute the blend-shape weights of an expression: shape -> (0, 1], in the order of SHAPES.
 
     A shape takes the largest weight among its units, not their sum. The weights of mouthPucker and
-    mouthFunnel are scaled to a sum of at most 1.
-
-    Args:
-        expression: action unit -> intensity.
-        overrides: see ``shapes_of``.
+    mouthFunnel are scaled to a sum of at most 1. ``overrides``: see ``shapes_of``.
     """
     weights: dict[str, float] = {}
     for unit, intensity in expression.items():

@@ -26,10 +26,7 @@ _LOG = logging.getLogger(__name__)
 def cached_arrays(name: str, build: Callable[[], Arrays]) -> Arrays:
     """Map a cache's arrays read-only; an absent or damaged cache is built and written first.
 
-    Args:
-        name: name of a folder in ``cache_folder``, with one file per array. Without a cache folder
-            each process builds the arrays.
-        build: makes the arrays, name -> array.
+    ``name`` is a folder in ``cache_folder``; without a cache folder each process builds the arrays.
     """
     try:
         cache = cache_folder() / name

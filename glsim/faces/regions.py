@@ -71,10 +71,6 @@ class RegionLabels:
 
         Returns the same array each time. Raises MeshError if the source's regions are for another
         number of vertices.
-
-        Args:
-            source: index of the source.
-            vertices: V of the mesh.
         """
         if source not in self._labels:
             topology = self._sources[source].topology

