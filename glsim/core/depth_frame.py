@@ -307,13 +307,7 @@ class Frames(Sequence[DepthFrame]):
         identity: str = "",
         protocol: DepthProtocol | None = None,
     ) -> Frames:
-        """Return the set with a function applied to each frame when it is read.
-
-        Args:
-            change: takes a frame and returns another.
-            identity: a text that identifies the change.
-            protocol: origin of the changed depths; default: unchanged.
-        """
+        """Return the set with ``change`` applied to each frame when read; ``identity`` names it."""
         load = partial(_then, self.load, change)
         name = f"{self.identity} {identity}".strip()
         return self._like(self._count, load, self.key, name, protocol or self.protocol)

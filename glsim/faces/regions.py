@@ -86,10 +86,7 @@ class RegionLabels:
         return labels
 
     def _uniform(self, name: str, vertices: int) -> NDArray[np.float32] | None:
-        """Return labels (V,) float32 of a mesh in a single region; None for the name "".
-
-        Returns the same array each time. Raises ConfigError for a name outside of KNOWN_REGIONS.
-        """
+        """Return cached labels (V,) float32 of one region; None for "". Raises ConfigError."""
         if not name:
             return None
         if name not in KNOWN_REGIONS:

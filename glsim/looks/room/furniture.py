@@ -63,12 +63,10 @@ def choose(rng: Rng, shares: Mapping[str, float]) -> str:
 def make_thing(
     rng: Rng, name: str, clutter: float = 0.6, fit_mm: Sequence[float | None] = ()
 ) -> list[Shape]:
-    """Make the shapes of a piece of furniture from the table.
+    """Make the shapes of a piece of furniture; ``clutter``: share of small objects, 0 to 1.
 
-    Args:
-        clutter: share of the possible small objects on it, 0 to 1.
-        fit_mm: width and height of the opening that it fills, or height of its seat; default:
-            sampled.
+    ``fit_mm``: width and height of the opening that it fills, or height of its seat; default:
+    sampled.
     """
     thing = catalogue()["things"][name]
     scale = 1 + rng.uniform(-1, 1, 3) * thing.get("stretch", (0.0, 0.0, 0.0))

@@ -141,11 +141,7 @@ class FloorPlan:
 
 
 def furnish_wall(rng: Rng, kind: str, wall: Wall, plan: FloorPlan, clutter: float) -> list[Shape]:
-    """Make the furniture along a wall and the pictures and coats on it, in room axes.
-
-    ``kind`` is the kind of room, ``plan`` reserves the floor, and ``clutter`` is the share of the
-    possible small objects, 0 to 1.
-    """
+    """Make furniture, pictures and coats at a wall, in room axes; ``clutter``: share, 0 to 1."""
     shapes: list[Shape] = []
     spans: list[Span] = []
     x, choices = rng.uniform(20, 500), catalogue()["rooms"][kind]["wall"]
