@@ -213,8 +213,8 @@ def estimate_alignment(
     origin = (0.0, 0.0, 0.0)
     if recentre:
         near = _nose_near(nose, turn, mm_per_unit, fit)
-        if near is not None:
-            x, y, z = find_tip(points_mm, faces, near)
+        if (tip := near and find_tip(points_mm, faces, near)) is not None:
+            x, y, z = tip
         else:
             low, high = points_mm.min(axis=0), points_mm.max(axis=0)
             x, y, z = (float(value) for value in (*(low + high)[:2] / 2, high[2]))

@@ -67,8 +67,10 @@ def sample_surface(
 
 def find_tip(
     points_mm: NDArray[np.floating], faces: NDArray[np.integer], near_mm: tuple[float, float]
-) -> tuple[float, float, float]:
+) -> tuple[float, float, float] | None:
     """Return the nose tip, whatever the triangles: x and y of the ball's middle, z of its front.
+
+    None where there is no surface.
 
     Args:
         points_mm: (V, 3), z out of the face.
@@ -83,9 +85,13 @@ def find_tip(
         for column, centre in zip(columns, middle, strict=True):
             for beyond in (column <= centre + 2 * CELL_MM, column >= centre - 2 * CELL_MM):
                 near &= np.logical_or.reduce(beyond[corners])
+        if not near.any():
+            return None
         samples = sample_surface(points_mm, faces[near], TIP_SAMPLES)
         inside = (np.abs(samples[:2] - middle[:, None]) <= 2 * CELL_MM).all(axis=0)
         samples = samples[:, inside]
+        if samples.shape[1] == 0:
+            return None
         z = float(samples[2].max())
         x, y = samples[:2, samples[2] >= z - TIP_MM].mean(axis=1)
     return float(x), float(y), z
