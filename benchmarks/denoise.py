@@ -8,8 +8,6 @@ cores: networks and filters on whole frames, without the wall, and around the he
 guided filter by OpenCV beside them in the same run.
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import statistics

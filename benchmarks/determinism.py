@@ -6,8 +6,6 @@ code of OpenBLAS and NumPy, as if by other processors. A way fails if a frame di
 one worker, unless its arithmetic differs too: a run refuses to resume with such a one.
 """
 
-from __future__ import annotations
-
 import argparse
 import hashlib
 import json

@@ -5,8 +5,6 @@ DATASET: e.g. ``glsim generate -o bench --subjects 22 --frames-per-subject 100 -
 split; the memory of a process must not grow with the split.
 """
 
-from __future__ import annotations
-
 import argparse
 import resource
 import tempfile

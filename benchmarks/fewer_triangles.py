@@ -6,8 +6,6 @@ of depth, mm, the share of pixels that differ by more than 2 mm, and of those wi
 People and rooms need ``glsim fetch people``.
 """
 
-from __future__ import annotations
-
 import argparse
 import math
 from typing import Any

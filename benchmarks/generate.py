@@ -10,8 +10,6 @@ default settings, as their users would. The result is CPU time, which depends le
 of the machine. Each contender runs in its own process; the medians of three turns count.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import json

@@ -7,8 +7,6 @@ hold the same bytes as an undisturbed one, an evaluation the same scores, a trai
 weights. At last parts start during a merge, and a part of another commit must be refused.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import hashlib

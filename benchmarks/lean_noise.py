@@ -6,8 +6,6 @@ the projector are left out: less than the sensor does. The sources of the number
 ``glsim/sensors/kinect-v2-paper.toml``.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

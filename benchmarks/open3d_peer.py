@@ -1,7 +1,5 @@
 """Open3D as a peer: clean depth and shadow by ray casting, on one core."""
 
-from __future__ import annotations
-
 import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray

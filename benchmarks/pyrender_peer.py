@@ -1,7 +1,5 @@
 """pyrender as a peer: depth seen from the camera and from the emitter, and shadow from both."""
 
-from __future__ import annotations
-
 import numpy as np
 import pyrender
 from numpy.typing import NDArray

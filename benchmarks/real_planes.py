@@ -5,8 +5,6 @@ files. Prints a Markdown table; the settings of each filter are those with the l
 these very frames.
 """
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Iterator, Sequence
 from pathlib import Path

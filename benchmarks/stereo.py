@@ -9,8 +9,6 @@ what SimSense publishes for its CUDA matcher on an RTX 2080 Ti (github.com/angli
 README: 848x480, without and with block sums, rendering not included).
 """
 
-from __future__ import annotations
-
 import argparse
 import os
 import platform

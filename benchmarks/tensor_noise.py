@@ -6,8 +6,6 @@ and losses at edges. On a CPU seconds are those of the process on all cores (use
 so that other processes count little; the best of some rounds, in which the ways take turns.
 """
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable, Sequence

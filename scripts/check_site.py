@@ -4,8 +4,6 @@ Every link, picture, style and script of a page that is on the site must be ther
 included. Sphinx checks what it resolves itself; this also finds what pages name as plain HTML.
 """
 
-from __future__ import annotations
-
 import sys
 from html.parser import HTMLParser
 from pathlib import Path

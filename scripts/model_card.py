@@ -5,8 +5,6 @@ Generates still views of people that no training saw, before each kind of camera
 hour on two cores. BM3D is left out without ``pip install 'glsim[bm3d]'``.
 """
 
-from __future__ import annotations
-
 import argparse
 import csv
 import sys

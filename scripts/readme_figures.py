@@ -1,11 +1,9 @@
 """Draw the figures of docs/figures: python -m scripts.readme_figures [NAME ...].
 
-One face seen by seven sensors, ten people of the presets office and living-room, one depth map with
-the noise of nine sensors, and hair and cloth after denoisers. Takes a minute and needs glsim fetch
-people.
+One face seen by seven sensors, eight people of the presets office and living-room, one depth map
+with the noise of nine sensors, and hair and cloth after denoisers. Takes two minutes and needs
+glsim fetch people. Seeds are chosen by eye. Widths in captions are those at the head's distance.
 """
-
-from __future__ import annotations
 
 import sys
 from pathlib import Path
@@ -13,6 +11,7 @@ from typing import Any, Final
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from glsim import DepthNoise, Frame, load_denoiser, load_settings, simulate
 from glsim.core.files.atomic import write_atomic
@@ -33,9 +32,10 @@ _ROWS: Final = ("clean", "noisy", "denoised", "infrared")
 #: Side of what is shown, mm at the face's distance, and of a tile, px.
 _SHOWN_MM, _TILE_PX = 285.0, 230
 _CAPTION_PX, _MARGIN_PX = 30, 92
-#: Preset -> seed of its people, number of them, and depths at the ends of the scale, mm.
-_ROOMS: Final = {"office": 11, "living-room": 12}
-_PEOPLE, _NEAR_MM, _FAR_MM = 5, 600.0, 4500.0
+#: Preset -> seed of its people and which of the twelve are shown.
+_ROOMS: Final = {"office": (34, (7, 4, 5, 8)), "living-room": (42, (1, 3, 7, 11))}
+#: Depths at the ends of the scale of colours, mm: near is bright, as in all pictures of depth.
+_NEAR_MM, _FAR_MM = 600.0, 4500.0
 #: Sensors of one_map, in reading order after the clean map.
 _ON_ONE_MAP: Final = (
     "kinect-v2-fast", "kinect-v2", "azure-kinect", "realsense-d4xx-fast", "realsense-d435",
@@ -45,15 +45,15 @@ _ON_ONE_MAP: Final = (
 _ON_FORM: Final = ("face-kinect-v2", "face", "guided:radius=1,epsilon_mm=5")
 
 
-def _frames(preset: str, people: int, **overrides: Any) -> list[Frame]:
+def _frames(preset: str | None, people: int, **overrides: Any) -> list[Frame]:
     one = {"subjects": people, "frames_per_subject": 1}
     settings = load_settings(preset=preset, overrides=overrides, source=one)
     return [frame for frame in simulate(settings) if isinstance(frame, Frame)]
 
 
-def _caption(text: str, width: int, height: int) -> Picture:
+def _caption(text: str, width: int, height: int = _CAPTION_PX, left: int = 6) -> Picture:
     field = np.full((height, width, 3), 255, np.uint8)
-    at = (6, height // 2 + 6)
+    at = (left, height // 2 + 6)
     cv2.putText(field, text, at, cv2.FONT_HERSHEY_SIMPLEX, 0.55, (0, 0, 0), 1, cv2.LINE_AA)
     return field
 
@@ -81,35 +81,48 @@ def _sensor_column(sensor: str, name: str, distance_mm: float) -> Picture:
         cv2.resize(p[top : top + side, left : left + side], (_TILE_PX, _TILE_PX), interpolation=how)
         for p in pictures
     ]
-    return np.vstack([_caption(name, _TILE_PX, _CAPTION_PX), *tiles])
+    below = name, f"{0.001 * distance_mm:.2f} m, {_SHOWN_MM:.0f} mm wide"
+    return np.vstack([*tiles, *(_caption(line, _TILE_PX) for line in below)])
 
 
 def sensors() -> Picture:
     """Draw shaded clean, noisy and denoised depth and infrared of one face by all sensors."""
-    names = [_caption("", _MARGIN_PX, _CAPTION_PX)]
-    names += [_caption(row, _MARGIN_PX, _TILE_PX) for row in _ROWS]
+    names = [_caption(row, _MARGIN_PX, _TILE_PX) for row in _ROWS]
+    names.append(_caption("", _MARGIN_PX, 2 * _CAPTION_PX))
     columns = [_sensor_column(name, *how) for name, how in _SENSORS.items()]
     return np.hstack([np.vstack(names), *columns])
 
 
-def _room_row(frame: Frame) -> Picture:
-    """Draw shaded clean depth, noisy depth and infrared of a frame at half their size."""
-    depth_mm = frame.noisy.astype(np.float32)
+def _colours(depth_mm: NDArray[Any]) -> Picture:
     share = np.clip((_FAR_MM - depth_mm) / (_FAR_MM - _NEAR_MM), 0, 1)
-    noisy = cv2.applyColorMap((255 * share).astype(np.uint8), cv2.COLORMAP_TURBO)
-    noisy[depth_mm == 0] = 0
+    picture = cv2.applyColorMap((255 * share).astype(np.uint8), cv2.COLORMAP_VIRIDIS)
+    return np.where(depth_mm[..., None] > 0, picture, 0).astype(np.uint8)
+
+
+def _room_row(frame: Frame, preset: str) -> Picture:
+    """Draw shaded clean depth, noisy depth and infrared of a frame at half their size."""
     clean = shaded((0.001 * frame.clean).astype(np.float32), frame.intrinsics)
-    joined = np.hstack([clean, noisy, brightness(frame.infrared, depth_mm.shape)])
-    return np.asarray(cv2.resize(joined, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA))
+    joined = np.hstack([clean, _colours(frame.noisy), brightness(frame.infrared, clean.shape[:2])])
+    row = cv2.resize(joined, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+    assert frame.head_to_camera is not None
+    distance_m = frame.head_to_camera[2, 3]
+    width_m = frame.intrinsics.width * distance_m / frame.intrinsics.fx
+    text = f"{preset}, kinect-v2: head at {distance_m:.1f} m, there {width_m:.1f} m wide"
+    return np.vstack([row, _caption(text, row.shape[1])])
 
 
 def rooms() -> Picture:
-    """Draw the people of each preset in a column."""
-    columns = [
-        np.vstack([_room_row(frame) for frame in _frames(preset, _PEOPLE, seed=seed)])
-        for preset, seed in _ROOMS.items()
-    ]
-    return np.hstack(columns)
+    """Draw the people of each preset in a column, and the scale of colours."""
+    columns = []
+    for preset, (seed, shown) in _ROOMS.items():
+        frames = _frames(preset, 12, seed=seed)
+        columns.append(np.vstack([_room_row(frames[person], preset) for person in shown]))
+    sheet = np.hstack(columns)
+    scale = _colours(np.tile(np.linspace(_NEAR_MM, _FAR_MM, sheet.shape[1] // 2), (_CAPTION_PX, 1)))
+    end = sheet.shape[1] // 4
+    near, far = (f"{0.001 * depth_mm:.1f} m" for depth_mm in (_NEAR_MM, _FAR_MM))
+    row = np.hstack([_caption(near, end, left=end - 54), scale, _caption(far, end)])
+    return np.vstack([sheet, row])
 
 
 def one_map() -> Picture:
@@ -126,7 +139,7 @@ def one_map() -> Picture:
     tiles = []
     for name, depth_m in maps.items():
         picture = shaded(depth_m, image)[100:-100, 130:-130]
-        tiles.append(np.vstack([_caption(name, picture.shape[1], _CAPTION_PX), picture]))
+        tiles.append(np.vstack([picture, _caption(name, picture.shape[1])]))
     return np.vstack([np.hstack(tiles[:5]), np.hstack(tiles[5:])])
 
 
@@ -135,12 +148,8 @@ def form() -> Picture:
     rows = []
     for yaw_deg, seed in ((150, 5), (20, 8)):
         pose = {"distance_mm": 800, "y_mm": -10, "yaw_deg": yaw_deg, "motion": 0}
-        settings = load_settings(
-            overrides={"seed": seed, "pose": pose, "appearance": {"wear": "always"},
-                       "output": {"crop": 144, "depth_unit_mm": 0.1}},
-            source={"subjects": 1, "frames_per_subject": 1},
-        )  # fmt: skip
-        (frame,) = (frame for frame in simulate(settings) if isinstance(frame, Frame))
+        output, wear = {"crop": 144, "depth_unit_mm": 0.1}, {"wear": "always"}
+        (frame,) = _frames(None, 1, seed=seed, pose=pose, appearance=wear, output=output)
         noisy_mm = frame.noisy * np.float32(0.1)
         maps = {"clean": frame.clean * np.float32(0.1), "kinect-v2": noisy_mm}
         maps |= {name: load_denoiser(name)(noisy_mm).depth_mm for name in _ON_FORM}
@@ -148,7 +157,7 @@ def form() -> Picture:
         for name, depth_mm in maps.items():
             picture = shaded((0.001 * depth_mm).astype(np.float32), frame.intrinsics)
             tile = cv2.resize(picture, (_TILE_PX, _TILE_PX), interpolation=cv2.INTER_CUBIC)
-            tiles.append(np.vstack([_caption(name, _TILE_PX, _CAPTION_PX), tile]))
+            tiles.append(np.vstack([tile, _caption(name, _TILE_PX)]))
         rows.append(np.hstack(tiles))
     return np.vstack(rows)
 

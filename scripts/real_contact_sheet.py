@@ -7,8 +7,6 @@ its holes filled and its noise smoothed away is taken as the surface. Right of e
 three times as large. Pictures hold data of others: look at them, and do not publish them.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Final

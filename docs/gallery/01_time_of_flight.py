@@ -21,7 +21,7 @@ for (above, below), name in zip(axes.T, SENSORS, strict=True):
     noisy_mm = np.where(frame.noisy > 0, frame.noisy * frame.depth_unit_mm, np.nan)
     error_mm = np.where(frame.clean > 0, noisy_mm - frame.clean * frame.depth_unit_mm, np.nan)
     depth = above.imshow(noisy_mm, cmap="viridis_r", vmin=800, vmax=1500)
-    error = below.imshow(error_mm, cmap="RdBu", vmin=-10, vmax=10)
+    error = below.imshow(error_mm, cmap="RdBu_r", vmin=-10, vmax=10)
     above.set_title(f"{name}\n{frame.noisy.shape[1]} x {frame.noisy.shape[0]}", fontsize=9)
 for axis in axes.flat:
     axis.set_axis_off()

@@ -26,7 +26,7 @@ figure, axes = plt.subplots(2, 4, figsize=(10, 5.4), layout="constrained")
 for axis, (title, frame) in zip(axes.flat, seen.items(), strict=True):
     both = (frame.clean > 0) & (frame.noisy > 0)
     error_mm = (frame.noisy.astype(float) - frame.clean) * frame.depth_unit_mm
-    image = axis.imshow(np.where(both, error_mm, np.nan), cmap="RdBu", vmin=-10, vmax=10)
+    image = axis.imshow(np.where(both, error_mm, np.nan), cmap="RdBu_r", vmin=-10, vmax=10)
     axis.set_title(title, fontsize=9)
     axis.set_axis_off()
 figure.colorbar(image, ax=axes, label="noisy - clean [mm]")

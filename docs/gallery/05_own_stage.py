@@ -41,7 +41,7 @@ for axis, (title, simulator) in zip(
     (frame,) = simulator.frames(tasks)
     both = (frame.clean > 0) & (frame.noisy > 0)
     error_mm = np.where(both, frame.noisy.astype(float) - frame.clean, np.nan)
-    image = axis.imshow(error_mm, cmap="RdBu", vmin=-40, vmax=40)
+    image = axis.imshow(error_mm, cmap="RdBu_r", vmin=-40, vmax=40)
     axis.set_title(title, fontsize=9)
     axis.set_axis_off()
 figure.colorbar(image, ax=axes, label="noisy - clean [mm]")

@@ -34,7 +34,7 @@ figure, axes = plt.subplots(1, 4, figsize=(10, 2.9), layout="constrained")
 for axis, (device, errors) in zip(axes, sorted(by_device.items()), strict=True):
     seen = np.isfinite(errors).sum(axis=0)
     mean_mm = np.where(seen > 4, np.nansum(errors, axis=0) / np.maximum(seen, 1), np.nan)
-    image = axis.imshow(mean_mm - np.nanmedian(mean_mm), cmap="RdBu", vmin=-6, vmax=6)
+    image = axis.imshow(mean_mm - np.nanmedian(mean_mm), cmap="RdBu_r", vmin=-6, vmax=6)
     axis.set_title(f"device {device}: mean {np.nanmedian(mean_mm):+.1f} mm", fontsize=9)
     axis.set_axis_off()
 figure.colorbar(image, ax=axes, label="mean error, less its median [mm]")

@@ -29,7 +29,7 @@ for axis, (title, speeds) in zip(axes, MOTIONS.items(), strict=True):
     (frame,) = frames(settings)
     both = (frame.clean > 0) & (frame.noisy > 0)
     error_mm = np.where(both, frame.noisy.astype(float) - frame.clean, np.nan)
-    image = axis.imshow(error_mm, cmap="RdBu", vmin=-60, vmax=60)
+    image = axis.imshow(error_mm, cmap="RdBu_r", vmin=-60, vmax=60)
     axis.set_title(title, fontsize=9)
     axis.set_axis_off()
 figure.colorbar(image, ax=axes, label="noisy - clean [mm]")

@@ -25,7 +25,7 @@ figure, axes = plt.subplots(1, 4, figsize=(10, 3.3), layout="constrained")
 for axis, name in zip(axes, ["noisy", "bilateral", "quadric", "face"], strict=True):
     depth_mm, valid = load_denoiser(name)(frame.noisy)
     error_mm = np.where(valid & (expected_mm > 0), depth_mm - expected_mm, np.nan)
-    image = axis.imshow(error_mm, cmap="RdBu", vmin=-6, vmax=6)
+    image = axis.imshow(error_mm, cmap="RdBu_r", vmin=-6, vmax=6)
     axis.set_title(f"{name}: {np.nanmedian(np.abs(error_mm)):.2f} mm (median)", fontsize=9)
     axis.set_axis_off()
 figure.colorbar(image, ax=axes, label="error [mm]")

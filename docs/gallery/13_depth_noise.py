@@ -26,7 +26,7 @@ for axis, (sensor, call) in zip(
     for _ in range(call):
         noisy_m = noise(clean_m)
     error_mm = np.where(noisy_m > 0, 1000 * (noisy_m - clean_m), np.nan)
-    image = axis.imshow(error_mm, cmap="RdBu", vmin=-10, vmax=10)
+    image = axis.imshow(error_mm, cmap="RdBu_r", vmin=-10, vmax=10)
     axis.set_title(f"{sensor}, call {call}", fontsize=9)
     axis.set_axis_off()
 figure.colorbar(image, ax=axes, label="noisy - clean [mm]")

@@ -56,10 +56,10 @@ figure, axes = plt.subplots(len(shown), 4, figsize=(8, 2 * len(shown)), layout="
 for row, p in zip(axes, shown.values(), strict=True):
     both = (p.clean_mm > 0) & (p.noisy_mm > 0)
     error = np.where(both, p.noisy_mm - p.clean_mm, np.nan)
-    depth = {"vmin": 800, "vmax": 1000, "cmap": "viridis"}
+    depth = {"vmin": 800, "vmax": 1000, "cmap": "viridis_r"}
     row[0].imshow(np.where(p.clean_mm > 0, p.clean_mm, np.nan), **depth)
     row[1].imshow(np.where(p.noisy_mm > 0, p.noisy_mm, np.nan), **depth)
-    row[2].imshow(error, vmin=-8, vmax=8, cmap="RdBu")
+    row[2].imshow(error, vmin=-8, vmax=8, cmap="RdBu_r")
     row[3].imshow(p.infrared, cmap="gray")
 for axis, title in zip(
     axes[0], ("clean", "noisy", "noisy - clean, ±8 mm", "infrared"), strict=True

@@ -70,7 +70,7 @@ figure, axes = plt.subplots(1, 3, figsize=(9, 3.4), layout="constrained")
 for axis, frame in zip(axes, seen, strict=True):
     both = (frame.clean > 0) & (frame.noisy > 0)
     error = np.where(both, frame.noisy.astype(float) - frame.clean, np.nan)
-    image = axis.imshow(error, vmin=-8, vmax=8, cmap="RdBu")
+    image = axis.imshow(error, vmin=-8, vmax=8, cmap="RdBu_r")
     axis.set_title(f"{frame.parameters['bands.amplitude_mm']:.1f} mm", fontsize=9)
     axis.set_axis_off()
 figure.colorbar(image, ax=axes, label="noisy - clean [mm]", shrink=0.8)

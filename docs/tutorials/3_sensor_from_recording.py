@@ -56,7 +56,7 @@ with DepthNoise(camera) as noise:
 stack = np.stack(noisy).astype(np.float32)
 spread = np.where((stack > 0).all(axis=0), stack.std(axis=0), np.nan)
 figure, axes = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
-first = axes[0].imshow(np.where(noisy[0] > 0, noisy[0], np.nan), cmap="viridis")
+first = axes[0].imshow(np.where(noisy[0] > 0, noisy[0], np.nan), cmap="viridis_r")
 figure.colorbar(first, ax=axes[0], label="depth [mm]", shrink=0.8)
 second = axes[1].imshow(spread, vmin=0, vmax=8, cmap="magma")
 figure.colorbar(second, ax=axes[1], label="standard deviation over time [mm]", shrink=0.8)

@@ -79,7 +79,7 @@ results = {"noisy": pair.noisy_mm} | {name: d(pair.noisy_mm)[0] for name, d in d
 for axis, (name, depth_mm) in zip(axes, results.items(), strict=True):
     both = (pair.clean_mm > 0) & (depth_mm > 0)
     error = np.where(both, depth_mm - pair.clean_mm, np.nan)
-    axis.imshow(error, vmin=-8, vmax=8, cmap="RdBu")
+    axis.imshow(error, vmin=-8, vmax=8, cmap="RdBu_r")
     typical = np.nanmedian(np.abs(error))
     axis.set_title(f"{name}\nmedian |error| {typical:.2f} mm", fontsize=9)
     axis.set_axis_off()

@@ -51,13 +51,9 @@ _REASON_COLOURS = {
 def shaded(depth_m: NDArray[np.float32], intrinsics: Intrinsics) -> Picture:
     """Draw a depth map, (H, W) metres, as a matte surface under three lights: (H, W, 3) BGR."""
     normal = depth_map.normals(np.asarray(depth_m, dtype=np.float32), intrinsics.rays())
-    key = np.clip(normal @ _KEY_LIGHT, 0, 1)
-    fill = np.clip(normal @ _FILL_LIGHT, 0, 1)
-    low = np.clip(normal @ _LOW_LIGHT, 0, 1)
-    grey = np.clip(20 + 195 * key + 55 * fill + 60 * low, 0, 255).astype(np.uint8)
-    picture = np.repeat(grey[..., None], 3, axis=2)
-    picture[depth_m <= 0] = _BACKGROUND
-    return picture
+    key, fill, low = (np.clip(normal @ way, 0, 1) for way in (_KEY_LIGHT, _FILL_LIGHT, _LOW_LIGHT))
+    grey = np.clip(20 + 195 * key + 55 * fill + 60 * low, 0, 255)[..., None]
+    return np.where(depth_m[..., None] > 0, grey, _BACKGROUND).astype(np.uint8)
 
 
 def difference(clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32]) -> Picture:
@@ -65,9 +61,8 @@ def difference(clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32]) -> Pi
     share = np.clip(to_mm(noisy_m - clean_m) / DIFFERENCE_MM, -1, 1)[..., None]
     white, near, far = (np.array(c, float) for c in ((245, 245, 245), (190, 80, 30), (40, 40, 190)))
     colour = white + np.where(share < 0, -share * (near - white), share * (far - white))
-    picture: Picture = colour.astype(np.uint8)
-    picture[(clean_m <= 0) | (noisy_m <= 0)] = _BACKGROUND
-    return picture
+    colour[(clean_m <= 0) | (noisy_m <= 0)] = _BACKGROUND
+    return colour.astype(np.uint8)
 
 
 def reasons(codes: NDArray[np.uint8]) -> Picture:
@@ -77,7 +72,7 @@ def reasons(codes: NDArray[np.uint8]) -> Picture:
 
 
 def frame_row(frame: DepthFrame, side: int) -> Picture:
-    """Draw a row of cells of ``side`` pixels with the frame's name.
+    """Draw a row of cells of ``side`` pixels below the frame's name.
 
     Cells: shaded clean map, shaded noisy map, difference, reasons (inferred from depths if
     missing). Without a clean map: shaded noisy map, infrared.
@@ -86,22 +81,27 @@ def frame_row(frame: DepthFrame, side: int) -> Picture:
     noisy = shaded(noisy_m, frame.intrinsics)
     if "clean_mm" in frame:
         clean_m = frame.in_metres("clean_mm")
-        error = difference(clean_m, noisy_m)
-        cells = [shaded(clean_m, frame.intrinsics), noisy, error, reasons(_codes(frame))]
+        cells = [shaded(clean_m, frame.intrinsics), noisy, difference(clean_m, noisy_m)]
+        cells.append(reasons(_codes(frame)))
         cells = [cell[_surface_slices(clean_m)] for cell in cells]
     else:
         cells = [noisy, brightness(frame.infrared, noisy_m.shape)]
-    row = np.hstack([_fit(cell, side) for cell in cells])
-    _write(row, frame.name, (10, 16), 0.4)
-    return row
+    return _named(frame, np.hstack([_fit(cell, side) for cell in cells]))
+
+
+def _named(frame: DepthFrame, picture: Picture) -> Picture:
+    """Return the picture below a line with the frame's name."""
+    line = np.full((_NAME_PX, picture.shape[1], 3), _BACKGROUND, np.uint8)
+    _write(line, frame.name, (10, _NAME_PX - 6), 0.4)
+    return np.vstack([line, picture])
 
 
 def _codes(frame: DepthFrame) -> NDArray[np.uint8]:
     """Return the frame's reason codes, inferred from its depths if it has no such layer."""
     if "reason" in frame:
         return frame.reason
-    unknown = np.zeros_like(frame.clean_mm)
-    return reconcile_reasons(frame.clean_mm, frame.noisy_mm, unknown).astype(np.uint8)
+    maps = frame.clean_mm, frame.noisy_mm, np.zeros_like(frame.clean_mm)
+    return reconcile_reasons(*maps).astype(np.uint8)
 
 
 def brightness(infrared: NDArray[Any] | None, shape: tuple[int, ...]) -> Picture:
@@ -113,8 +113,9 @@ def brightness(infrared: NDArray[Any] | None, shape: tuple[int, ...]) -> Picture
     return np.repeat(grey[..., None], 3, axis=2)
 
 
-#: Frames per column, and largest number of columns; further frames make columns longer.
-_SHEET_ROWS, _SHEET_COLUMNS = 4, 3
+#: Frames per column, largest number of columns (further frames make columns longer), and height of
+#: the line with a frame's name above its cells, px.
+_SHEET_ROWS, _SHEET_COLUMNS, _NAME_PX = 4, 3, 20
 #: Side of a cell in a single column and in several columns, px: three columns fit a wide screen.
 _WIDE_PX, _NARROW_PX = 300, 200
 #: Columns of a gallery, and side of a cell, px.
@@ -162,9 +163,8 @@ def gallery(faces: Sequence[DepthFrame], title: str) -> Picture:
     cells = []
     for face in faces:
         clean_m = face.in_metres("clean_mm")
-        cell = _fit(shaded(clean_m, face.intrinsics)[_surface_slices(clean_m)], _GALLERY_PX)
-        _write(cell, face.name, (8, 16), 0.4)
-        cells.append(cell)
+        cell = shaded(clean_m, face.intrinsics)[_surface_slices(clean_m)]
+        cells.append(_named(face, _fit(cell, _GALLERY_PX)))
     head = np.full((40, columns * _GALLERY_PX, 3), _BACKGROUND, np.uint8)
     _write(head, title, (10, 26), 0.5)
     return np.vstack([head, _grid(cells, columns, down=False)])

@@ -63,7 +63,11 @@ def test_more_than_four_frames_stand_in_columns(
     whole = preview.frame_row(shown[rows % frames], side)
     top, left = (66, 4 * side) if columns > 1 else (66, 0)
     expected = whole if columns > 1 else preview.frame_row(shown[0], side)
-    np.testing.assert_array_equal(sheet[top : top + side, left : left + 4 * side], expected)
+    height = side + 20  # the name stands above the cells
+    np.testing.assert_array_equal(sheet[top : top + height, left : left + 4 * side], expected)
+    other = DepthFrame(FrameKey("other", "b", 9), camera, layers)
+    np.testing.assert_array_equal(preview.frame_row(other, side)[20:], whole[20:])
+    assert (preview.frame_row(other, side)[:20] != whole[:20]).any()
 
 
 @pytest.mark.long

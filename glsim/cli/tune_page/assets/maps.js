@@ -22,8 +22,8 @@ export const word = ([r, g, b]) => ((255 << 24) | (b << 16) | (g << 8) | r) >>> 
 export const DEPTH = table(["#fde725", "#b5de2b", "#6ece58", "#35b779", "#1f9e89", "#26828e", "#31688e", "#3e4989", "#482878", "#440154"]);
 // Disparity: the same colours, for it is large where a surface is near.
 export const DISPARITY = DEPTH.slice().reverse();
-// Difference: nearer blue, farther orange, grey where nothing differs.
-export const SIGNED = table(["#08519c", "#5a9bd4", "#e8e8e6", "#f0a04b", "#a63603"]);
+// Difference: nearer blue, farther red, grey where nothing differs (after ColorBrewer RdBu).
+export const SIGNED = table(["#2166ac", "#67a9cf", "#e8e8e6", "#ef8a62", "#b2182b"]);
 // A gradient of CSS through a table's colours, from low to high.
 export const gradient = (words) =>
   `linear-gradient(to right, ${[0, 64, 128, 191, 255]
