@@ -1,5 +1,7 @@
 # docker build -t glsim .
 # docker run --rm -u "$(id -u):$(id -g)" -v "$PWD:/data" glsim generate -o data --subjects 10
+# The same base for ever: FROM debian:12-slim@sha256:..., as printed by
+# docker buildx imagetools inspect debian:12-slim
 # On a GPU, with NVIDIA's container toolkit: docker run --rm --gpus all -v "$PWD:/data" glsim info
 FROM debian:12-slim AS wheel
 RUN apt-get update && apt-get install -y --no-install-recommends python3-venv && rm -rf /var/lib/apt/lists/*

@@ -43,3 +43,15 @@ def test_only_what_is_wanted_is_held(tmp_path: Path, monkeypatch: pytest.MonkeyP
     (tmp_path / "a12.png").touch()
     with pytest.raises(ConfigError, match="holds more than 12 files to read"):
         listing.entries(tmp_path, (".png",))
+
+
+def test_many_files_are_said_before_they_are_sorted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr(listing, "_MANY", 1)
+    monkeypatch.setattr(listing, "natural", int)  # sorting fails
+    for name in "ab":
+        (tmp_path / name).touch()
+    with pytest.raises(ValueError, match="invalid literal"):
+        listing.entries(tmp_path)
+    assert "sorts 2 files" in caplog.text

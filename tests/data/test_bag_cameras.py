@@ -296,8 +296,8 @@ def test_a_large_calibration_is_refused_before_it_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_mkv(tmp_path / "a.mkv", {"DEPTH": [_image(700, (640, 576))]}, b" " * 200_000)
-    monkeypatch.setattr(mkv, "MOST_HELD", 100_000)
-    with pytest.raises(DatasetError, match="before its frames"):
+    monkeypatch.setattr(mkv, "_PART_BYTES", 100_000)
+    with pytest.raises(DatasetError, match="before a frame"):
         open_maps(tmp_path / "a.mkv")
 
 

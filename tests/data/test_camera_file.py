@@ -12,6 +12,7 @@ from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import encode_png
 from glsim.data.maps import open_maps
 from glsim.data.reader import open_dataset
+from glsim.data.recordings.camera_file import _CameraTable
 
 DEPTH = np.full((48, 64), 9000, np.uint16)
 CAMERA = "width = 64\nheight = 48\nfocal_px = [50.5, 51.5]\n"
@@ -125,24 +126,35 @@ def test_a_recording_is_thinned_to_any_number(tmp_path: Path, most: int) -> None
         assert len(read) == count or len(read) >= min(most, 4) - (most % 4 if most > 4 else 0)
 
 
+@pytest.mark.parametrize("field", [*_CameraTable.model_fields, "use"])
 @pytest.mark.parametrize(
     "command",
     ["inspect {0}", "import kinect2 {0} -o {1}/d", "fit {0} -o {1}/f.toml", "compare {0} {0}",
      "compare {0} --replay kinect-v2", "eval-real {0} -o {1}/s", "denoise {0} -o {1}/n",
-     "corrupt {0} -o {1}/c"],
+     "corrupt {0} -o {1}/c", "preview {0} -o {1}/p"],
 )  # fmt: skip
 def test_no_command_runs_code_that_a_recording_names(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], command: str
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    command: str,
+    field: str,
 ) -> None:
-    root = _folder(tmp_path / "r", 'sensor = "s.toml"\n')
     ran = tmp_path / "ran"
-    (root / "st.py").write_text(f"open({str(ran)!r}, 'w')\ndef f(view, layers, p): return {{}}\n")
-    chain = 'extends = "ideal"\ntitle = "x"\n[[stage]]\nuse = "st.py:f"\n'
-    (root / "s.toml").write_text(chain)
-    assert main(command.format(root, tmp_path).split()) in (1, 2)
-    error = capsys.readouterr().err.strip().splitlines()[-1]
-    assert "camera.toml: sensor: 's.toml' is no sensor that glsim ships" in error
-    assert not ran.exists()
+    for name in {"sensor": ("s.toml", "st.py:f", "st:f")}.get(field, ("st.py:f", "st:f")):
+        root = _folder(tmp_path / "r", f"{field} = {name!r}\n")
+        code = f"open({str(ran)!r}, 'w')\ndef f(view, layers, p): return {{}}\n"
+        (root / "st.py").write_text(code)
+        chain = 'extends = "ideal"\ntitle = "x"\n[[stage]]\nuse = "st.py:f"\n'
+        (root / "s.toml").write_text(chain)
+        monkeypatch.chdir(root)
+        monkeypatch.syspath_prepend(root)
+        status = main(command.format(root, tmp_path).split())
+        error = capsys.readouterr().err.strip().splitlines()[-1:]
+        assert status in (0, 1, 2)
+        if field == "sensor":
+            assert f"camera.toml: sensor: {name!r} is no sensor that glsim ships" in error[0]
+        assert not ran.exists()
 
 
 def test_the_file_chooses_a_channel_of_openexr(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from rosbags.rosbag2.storage_mcap import zstd
 
 from glsim.core.files.exr import encode_exr
 from glsim.core.files.png import _chunk, encode_png
@@ -191,6 +192,31 @@ def ros2(text: str) -> Callable[[Path], object]:
     return make
 
 
+def tiny_records(path: Path) -> None:
+    """Make four parts of records without content, 31 MB each, behind those of an intact file."""
+    bag(path)
+    data = path.read_bytes()
+    packed = zstd.compress((b"\5" + struct.pack("<QHIQQ", 22, 9, 0, 0, 0)) * 1_000_000)
+    body = struct.pack("<QQQII4sQ", 0, 0, 31_000_000, 0, 4, b"zstd", len(packed)) + packed
+    footer = b"\2" + struct.pack("<QQQI", 20, 0, 0, 0) + data[-8:]  # without a summary
+    data = data[: struct.unpack("<Q", data[-28:-20])[0]]
+    path.write_bytes(data + (b"\6" + struct.pack("<Q", len(body)) + body) * 4 + footer)
+
+
+def claim(size: int) -> Callable[[Path], object]:
+    """Make a Matroska file whose only block says that it has this size; holes follow."""
+
+    def make(path: Path) -> None:
+        write_mkv(path, {"DEPTH": [DEPTH]}, azure_calibration())
+        data, endless, length = path.read_bytes(), b"\1" + b"\xff" * 7, b"\1" + size.to_bytes(7)
+        segment, cluster = data.index(b"\x18S\x80g"), data.index(b"\x1fC\xb6u")
+        block = b"\x1fC\xb6u" + endless + b"\xe7\x81\0\xa3" + length + b"\x81\0\0\x80"
+        head = data[: segment + 4] + endless + data[segment + 12 : cluster]
+        holes(head + block)(path)
+
+    return make
+
+
 INFO = (
     "rosbag2_bagfile_information: {version: 5, storage_identifier: %s, duration: {nanoseconds: 1},"
     " starting_time: {nanoseconds_since_epoch: 1}, message_count: 1, relative_file_paths: [%s],"
@@ -204,7 +230,7 @@ TABLE |= {
     }),
     ".mcap": (bag, {
         "zeros": holes(b""), "zeros behind": holes(b"\x89MCAP0\r\n"), "a hole": zeros,
-        "a hole in the index": lambda path: zeros(path, 0.9),
+        "a hole in the index": lambda path: zeros(path, 0.9), "tiny records": tiny_records,
     }),
     ".db3": (bag, {
         "zeros": holes(b""), "zeros behind": holes(b"SQLite format 3\0"),
@@ -222,6 +248,7 @@ TABLE |= {
         "anchors": ros2("a: &a []\nb: [" + "*a," * 80_000 + "]"), "lists": ros2("[" + "[]," * 80_000 + "]"),
     }),
     ".mkv": (lambda path: write_mkv(path, {"DEPTH": [DEPTH] * 2}, azure_calibration()), {
+        "a block of 900 MB": claim(900_000_000), "a block of 250 MB": claim(250_000_000),
         "a calibration": lambda path: write_mkv(path, {"DEPTH": [np.ones((576, 640), np.uint16)]}, b"[" + b"[]," * 20_000_000),
         "zeros": holes(b""), "zeros behind": holes(b"\x1aE\xdf\xa3"), "a hole": lambda path: (write_mkv(path, {"DEPTH": [DEPTH] * 2}), os.truncate(path, 900_000_000)),  # type: ignore[func-returns-value]
     }),

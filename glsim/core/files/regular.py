@@ -43,8 +43,10 @@ class BoundedFile:
         self.seek, self.tell, self.close = file.seek, file.tell, file.close
 
     def read(self, size: int = -1) -> bytes:
-        """Read up to ``size`` bytes."""
-        data: bytes = self._file.read(size)
+        """Read up to ``size`` bytes; none once the problem was raised."""
+        if self.left < 0:
+            return b""
+        data: bytes = self._file.read(min(size, self.left + 1))
         self.left -= len(data)
         if self.left < 0:
             raise ValueError(self._problem)

@@ -45,9 +45,9 @@ _LENSES = ("", "none", "plumb bob", "rational polynomial", "brown conrady")
 _UNEQUAL = 0.02
 #: Largest metadata.yaml, bytes, which is read in 3 s; recorders write 1 to 2 kB for each topic.
 _METADATA_BYTES = 3 << 16
-#: Largest first line of a bag ("#ROSBAG V2.0"), and more than once read parts of an index, bytes.
-#: Chosen.
-_LINE_BYTES, _AGAIN_BYTES = 64, 1 << 20
+#: Largest first line of a bag ("#ROSBAG V2.0"), and more than once read parts of an index, bytes;
+#: number of records that may be compressed to any size. Chosen.
+_LINE_BYTES, _AGAIN_BYTES, _FEW_RECORDS = 64, 1 << 20, 1000
 
 
 class _Path(type(Path())):  # type: ignore[misc]
@@ -121,10 +121,27 @@ def _quoted(name: str) -> str:
 
 
 def _unpack(decompressor: Any, data: bytes) -> bytes:
-    """Decompress a part of a bag, as the library does, within MOST_HELD. Raises ValueError."""
-    unpacked: bytes = decompressor.decompress(data, MOST_HELD)
+    """Decompress a part of a bag, as the library does, within half of MOST_HELD: it is held twice.
+
+    Raises ValueError for more.
+    """
+    unpacked: bytes = decompressor.decompress(data, MOST_HELD // 2)
     if not decompressor.eof:
-        raise ValueError(f"a part is cut short, or unpacks to more than {MOST_HELD >> 20} MB")
+        raise ValueError(f"a part is cut short, or unpacks to more than {MOST_HELD >> 21} MB")
+    return unpacked
+
+
+def _unpack_records(decompressor: Any, data: bytes) -> bytes:
+    """Decompress a chunk of MCAP as ``_unpack`` does. Raises ValueError for too many records.
+
+    A record takes 5 bytes and more, however well it is compressed, since its time is its own.
+    """
+    unpacked, place, count = _unpack(decompressor, data), 0, 0
+    while place < len(unpacked):
+        place += 9 + int.from_bytes(unpacked[place + 1 : place + 9], "little")
+        count += 1
+        if count > _FEW_RECORDS + len(data) // 4:
+            raise ValueError(f"a part of {len(data)} bytes has more than {count - 1} records")
     return unpacked
 
 
@@ -238,8 +255,8 @@ class BagStream(FrameStream):
         zstd = mcap.zstd.ZstdDecompressor
         ros1.decompressors["bz2"] = lambda data: _unpack(BZ2Decompressor(), data)
         ros1.decompressors["lz4"] = lambda data: _unpack(LZ4FrameDecompressor(), data)
-        mcap.DECOMPRESSORS["lz4"] = lambda data, _: _unpack(LZ4FrameDecompressor(), data)
-        mcap.DECOMPRESSORS["zstd"] = lambda data, _: _unpack(zstd(), data)
+        mcap.DECOMPRESSORS["lz4"] = lambda data, _: _unpack_records(LZ4FrameDecompressor(), data)
+        mcap.DECOMPRESSORS["zstd"] = lambda data, _: _unpack_records(zstd(), data)
         ros2.zstd = SimpleNamespace(
             decompress=lambda data: _unpack(zstd(), data), open=_open_packed
         )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -25,12 +24,8 @@ from glsim.data.recordings.names import DepthKind, left_out_text, other_kind, wo
 from glsim.data.recordings.opencv_yaml import read_matrices
 from glsim.data.recordings.streams import STREAMS, is_stream
 
-log = logging.getLogger(__name__)
-
 #: File name of a calibration by iai_kinect2, in the folder of its frames.
 CALIBRATION = "calib_ir.yaml"
-#: Number of images from which on a line says that sorting takes time: 50 us each, measured.
-_MANY = 40_000
 #: Number of Polycam's camera files that are read, evenly spread.
 _SAMPLE = 16
 #: Largest difference between the scales from colour to depth images along x and y.
@@ -72,8 +67,6 @@ def list_maps(
     groups: dict[Path, list[Path]] = {}
     for path in _images(folder, below):
         groups.setdefault(path.parent, []).append(path)
-    if (count := sum(map(len, groups.values()))) > _MANY:
-        log.warning("%s: sorts %d images, which takes some seconds", folder, count)
     maps: list[Path] = []
     left_out = Counter[str]()
     beside = cache(lambda place: place.name != "depth" and (place.parent / "depth").is_dir())

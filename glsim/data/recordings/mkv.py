@@ -21,12 +21,15 @@ from numpy.typing import NDArray
 from glsim.core.camera import Distortion, Intrinsics
 from glsim.core.errors import DatasetError
 from glsim.core.files.png import MAX_MAP_PX
-from glsim.core.files.regular import MOST_HELD, BoundedFile, open_regular
+from glsim.core.files.regular import BoundedFile, open_regular
 from glsim.data.recordings.camera_file import StatedCamera, opencv_order
 from glsim.data.recordings.streams import FrameStream
 
 #: Size of the chip, px, to which the calibration is normalised.
 _CHIP_PX = 1024
+#: Bytes that are read until frames begin, and for one packet; a frame of 1024 x 1024 px
+#: has 2 MB, and attachments some kB. ffmpeg allocates the stated length of an element. Chosen.
+_PART_BYTES = 1 << 25
 #: Largest calibration.json, bytes; that of a device has 7 kB. A list of lists takes 22 times more.
 _CALIBRATION_BYTES = 1 << 20
 #: (width, height) of a mode -> chip pixels per pixel along each axis; first column and first row on
@@ -56,15 +59,14 @@ class MkvStream(FrameStream):
         import av
 
         if self._file is None:
-            problem = (
-                f"has {MOST_HELD >> 20} MB or more before its frames; a calibration has some kB: "
-                "record it again"
-            )
-            head = BoundedFile(open_regular(self.path), MOST_HELD, problem)
-            with head, suppress(av.error.FFmpegError):  # raised below
+            with self._bounded() as head, suppress(av.error.FFmpegError):  # raised below
                 av.open(head, format="matroska").close()  # attachments come first
             self._file = av.open(str(self.path), format="matroska")
         return self._file
+
+    def _bounded(self) -> BoundedFile:
+        problem = f"has {_PART_BYTES >> 20} MB or more before a frame: record it again"
+        return BoundedFile(open_regular(self.path), _PART_BYTES, problem)
 
     def _choose(self) -> tuple[int, int | None]:
         """Find the tracks of depth and infrared. Raises DatasetError without depth."""
@@ -95,16 +97,18 @@ class MkvStream(FrameStream):
         """Return the times of complete frames of each track; the file is read once."""
         import av
 
-        container = self._open()
         times: dict[int, list[int]] = {number: [] for number in tracks}
-        streams = [container.streams[number] for number in tracks]
         try:
-            for packet in container.demux(*streams):
-                context = packet.stream.codec_context
-                size = 2 * context.width * context.height
-                whole = context.name != "rawvideo" or packet.size == size
-                if packet.pts is not None and whole:
-                    times[packet.stream.index].append(packet.pts)
+            with self._bounded() as file, av.open(file, format="matroska") as container:
+                file.left = _PART_BYTES
+                for packet in container.demux():
+                    file.left = _PART_BYTES
+                    if packet.pts is None or packet.stream.index not in times:
+                        continue
+                    context = packet.stream.codec_context
+                    size = 2 * context.width * context.height
+                    if context.name != "rawvideo" or packet.size == size:
+                        times[packet.stream.index].append(packet.pts)
         except av.error.FFmpegError:
             if not times[tracks[0]]:
                 raise
