@@ -65,6 +65,18 @@ def steps_per_px(sensor: Sensor) -> float:
     return found[0] if found and found[0] <= _MOST_STEPS else 0.0
 
 
+def lattice_focal_px(sensor: Sensor, frames: Frames, lattice: Lattice | None) -> float:
+    """Compute the depth camera's focal length by the lattice and the sensor's baseline, px, or 0.
+
+    0 without a lattice, or for a sensor without one.
+    """
+    steps = steps_per_px(sensor)
+    if lattice is None or steps == 0:
+        return 0.0
+    product = lattice.constant * (frames[0].step_mm or 1.0) / steps
+    return product / (MM_PER_M * sensor.rig.baseline_m)
+
+
 def possible_modes(
     sensor: Sensor, frames: Frames, stated: bool, lattice: Lattice | None
 ) -> tuple[Mode, ...]:
@@ -83,9 +95,7 @@ def possible_modes(
             f"{frames.title}: its depths are round({lattice.constant:,.0f} / n): a camera that "
             f"matches images made them, and {sensor.name} measures the time of flight"
         )
-    by_lattice = 0.0
-    if lattice is not None and steps > 0:
-        by_lattice = lattice.constant * unit / steps / (MM_PER_M * rig.baseline_m)
+    by_lattice = lattice_focal_px(sensor, frames, lattice)
     found = _native(sensor, image, focal, by_lattice)
     found += _decimated(sensor, image, focal, by_lattice)
     found += _registered(sensor, image, focal, by_lattice)

@@ -95,8 +95,7 @@ def fit(
     proof = proof and last - first >= LEAST_FRAMES and find_spec("sklearn") is not None
     used = slice(first, (first + last) // 2 if proof else last)
     if choice.name in TIME_OF_FLIGHT:
-        named = base is not None
-        fitted = fit_time_of_flight(recording, choice.name, albedo, focal_px, used, named)
+        fitted = fit_time_of_flight(recording, choice.name, albedo, focal_px, used)
     else:
         fitted = fit_stereo(recording, choice.name, focal_px, used)
     own, better, table = fitted.lines["base"], True, ["Not tested on frames of its own."]

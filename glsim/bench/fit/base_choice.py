@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from glsim.bench.compare.replay_noise import half_distance_px
-from glsim.bench.modes import find_lattice, possible_modes, steps_per_px
+from glsim.bench.modes import find_lattice, lattice_focal_px, possible_modes, steps_per_px
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.core.units import MM_PER_M
@@ -16,8 +16,7 @@ from glsim.measures.lattice import Lattice
 from glsim.sensors.sensor import Sensor, load_sensor, sensor_names
 
 #: Base -> distance at which its noise is half as alike, px: real frames of each kind (of binned
-#: Azure Kinects measured elsewhere). A Kinect V2 is fitted from its fast sensor unless the filter
-#: of its noise is another.
+#: Azure Kinects measured elsewhere). A Kinect V2 is fitted from its fast sensor.
 _KINDS = {
     "kinect-v2-fast": 1.7, "azure-kinect": 2.4, "azure-kinect-nfov-binned": 1.8,
     "kinect-v1-pattern": 1.9, "truedepth": 3.2, "realsense-d405": 6.5, "realsense-d415": 5.0,
@@ -114,10 +113,7 @@ def _rival(
     if (lattice is None) != (steps == 0):
         terms["steps of disparity" if lattice else "no steps of disparity"] = _NO_LATTICE
     of_size = [f for w, h, f in sensor.modes if (w, h) == (image.width, image.height)]
-    lattice_px = 0.0
-    if lattice is not None and steps:
-        baseline_mm = MM_PER_M * sensor.rig.baseline_m
-        lattice_px = lattice.constant * unit / steps / baseline_mm
+    lattice_px = lattice_focal_px(sensor, frames, lattice)
     try:
         modes = possible_modes(sensor, frames, known_focal, lattice)
         fits = modes[0].name != "its own grid"

@@ -20,7 +20,6 @@ from glsim.bench.fit.noise_model import (
     fit_noise_model,
 )
 from glsim.bench.fit.recording_statistics import RecordingStatistics, measure_recording
-from glsim.bench.fit.smoothing import NARROW, WIDE, find_smoothing, smoothed_values
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.data.recording import Recording
@@ -56,7 +55,7 @@ _UNKNOWN = "not determined by this recording (add far or dark walls): the base s
 
 
 def fit_time_of_flight(
-    recording: Recording, base: str, albedo: float, focal_px: float | None, part: slice, named: bool
+    recording: Recording, base: str, albedo: float, focal_px: float | None, part: slice
 ) -> FittedSensor:
     """Fit a time-of-flight sensor to a static recording.
 
@@ -64,59 +63,38 @@ def fit_time_of_flight(
         recording: at least two frames of one view.
         albedo: reflectivity of the scene; with infrared, reflectivity of its brightest surfaces.
         focal_px: focal length of the recording. None: as stated, or the base sensor's.
-        named: whether the user names the base. If not, kinect-v2 replaces kinect-v2-fast where its
-            filter does not explain the correlation of the noise.
 
     Raises ConfigError if the focal length is not known, DatasetError if the recording is not static
     or shows no smooth surfaces.
     """
-    name = base
     recorded = recording.read_static(part=part)
     rest = recorded.note
     height, width = recorded[0].noisy_mm.shape
-    own = load_sensor(name).rig.intrinsics
+    own = load_sensor(base).rig.intrinsics
     image = recording_camera((width, height), recording.camera, own, focal_px)
     recorded = Frames.of([frame.changed(intrinsics=image) for frame in recorded], recorded.title)
     statistics = measure_recording(recorded)
-    kinect = load_sensor(name).rig.modulation_mhz == FREQUENCIES_MHZ
-    # Only the Kinect V2's filter can be exchanged, and only its frequencies have a wiggling.
-    smoothing = find_smoothing(statistics.correlation) if kinect else None
-    if smoothing is not None and not named and name == "kinect-v2-fast":
-        name = "kinect-v2"  # only the chain of kinect-v2 lets a fit exchange the filter
-    tree = read_sensor_tree(SENSOR_FOLDER / f"{name}.toml")
-    emitter, taps = load_sensor(name).rig.emitter_m, TapNoise(**_parameters(tree, *_TAPS))
+    tree = read_sensor_tree(SENSOR_FOLDER / f"{base}.toml")
+    emitter, taps = load_sensor(base).rig.emitter_m, TapNoise(**_parameters(tree, *_TAPS))
     profile = LightProfile(**_parameters(tree, "flat_to", "fall_off", "tail", "vignetting"))
     model = fit_noise_model(statistics, image, albedo, recorded[0].step_mm, profile, emitter, taps)
     law = None
     if recorded[0].infrared is not None:
         law = fit_infrared(statistics, recorded, albedo, taps)
+    kinect = load_sensor(base).rig.modulation_mhz == FREQUENCIES_MHZ  # whose wiggling is known
     wiggling = fit_wiggling(statistics, image, emitter) if kinect else None
     values = _fitted_values(statistics, model, law, taps, wiggling)
-    lines = {"base": name, "at rest": rest} | _result_lines(statistics, model, law, wiggling)
-    if smoothing is not None:
-        wide = any(stage["use"] == NARROW for stage in tree["stage"])
-        text = "beyond 3x3 px, which this base cannot have: give --base kinect-v2"
-        if wide:
-            numbers = ", ".join(f"{c:.2f}" for c in smoothing.correlation[:3])
-            text = (
-                f"Gaussian over 7x7 px, {smoothing.width_px:.1f} px (tof_smooth): {numbers} at 1 "
-                "to 3 px along rows"
-            )
-            sigma_mm = float(np.sqrt(np.nanmedian(statistics.variance_mm2[statistics.smooth])))
-            values = smoothed_values(values, smoothing, taps, sigma_mm)
-            other = {"use": WIDE, "width_px": round(smoothing.width_px, 2)}
-            tree["stage"] = [other if s["use"] == NARROW else s for s in tree["stage"]]
-        lines["filter of the correlated noise"] = text
+    lines = {"base": base, "at rest": rest} | _result_lines(statistics, model, law, wiggling)
     usable = _knows_pattern(statistics)
     comments = [
         f"Fitted by glsim fit to {statistics.frames} frames of {width}x{height}: {recording.path}",
         *(f"{title}: {text}" for title, text in lines.items()),
         f"Map of this device's own fixed pattern: {PATTERN_MAP} (float32 mm, NaN = unknown"
         + (")." if usable else "); too noisy to add to frames."),
-        f"All other values are those of {name}.",
+        f"All other values are those of {base}.",
     ]
     waves = wiggling.waves() if wiggling is not None else ()
-    text = fitted_toml(name, tree, values, image, comments, PATTERN_MAP if usable else "", waves)
+    text = fitted_toml(base, tree, values, image, comments, PATTERN_MAP if usable else "", waves)
     return FittedSensor(text, image, lines, (), statistics.map_mm, statistics.table)
 
 
