@@ -196,9 +196,7 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
         target=data.target,
         protocol=data.protocol,
     )
-    changes = Augmentation(
-        data.flip, data.relief_mm, data.slope_mm_per_px, data.texture, data.averaged, True
-    )
+    changes = Augmentation(data.flip, data.relief_mm, data.slope_mm_per_px, True)
     train = [
         open_split(
             dataset, "train", cut=data.cut, augmentation=changes,

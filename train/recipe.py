@@ -137,12 +137,6 @@ class DataSettings(TomlTable):
     slope_mm_per_px: float = Field(
         0.0, ge=0, le=100, description="largest slope of a plane added to stored pairs; 0: none"
     )
-    texture: float = Field(
-        0.0, ge=0, le=1, description="share of stored pairs with ribs or grain, as fabric and hair"
-    )
-    averaged: float = Field(
-        0.0, ge=0, le=1, description="share of stored pairs with the noise of averaged frames"
-    )
     train_frames: int | None = Field(None, ge=1, description="use the first N frames; default: all")
     validation_frames: int | None = Field(
         None, ge=1, description="number of frames, spread evenly over the split; default: all"

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import cv2
 import numpy as np
@@ -17,7 +16,6 @@ from torch import Tensor
 from torch.utils.data import ConcatDataset, Dataset, get_worker_info
 
 from glsim.core.depth_frame import DepthFrame
-from glsim.core.depth_map import FLYING_MM
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.seeds import pcg_rng
 from glsim.core.units import from_steps
@@ -91,8 +89,6 @@ class Augmentation:
             were on the other side; do not use it for a network for a single camera.
         relief_mm: add bumps and creases of up to about this height to noisy and target depth.
         slope_mm_per_px: add a plane of up to this slope to noisy and target depth.
-        texture: share of frames to which a texture (ribs or grain, as of fabric and hair) is added.
-        averaged: share of frames whose noise is reduced as if several frames were averaged.
         vary_inputs: change or leave out infrared and neighbours in time, see
             ``glsim.train.data.extra_inputs``.
     """
@@ -100,8 +96,6 @@ class Augmentation:
     flip: bool = False
     relief_mm: float = 0.0
     slope_mm_per_px: float = 0.0
-    texture: float = 0.0
-    averaged: float = 0.0
     vary_inputs: bool = False
 
 
@@ -170,9 +164,7 @@ class StoredPairs(PairDataset):
         images, change = self._cropped(self._images(number), rng), self._augmentation
         if change.flip and rng.random() < 0.5:
             images = images[:, :, ::-1]
-        if change.averaged and rng.random() < change.averaged:
-            images = _averaged(images, int(rng.choice(_FRAMES_AVERAGED)))
-        if change.relief_mm or change.slope_mm_per_px or change.texture:
+        if change.relief_mm or change.slope_mm_per_px:
             added_mm = self._added_mm(images[-1], rng)
             raised = np.where(images > 0, images + added_mm, np.float32(0))
             if self._inputs.infrared:
@@ -192,8 +184,6 @@ class StoredPairs(PairDataset):
         change, added_mm = self._augmentation, np.zeros(target.shape, np.float32)
         if change.relief_mm:
             added_mm += sample_surface_bumps(target.shape, change.relief_mm, rng)
-        if change.texture and rng.random() < change.texture:
-            added_mm += sample_texture(target.shape, rng)
         if change.slope_mm_per_px and (target > 0).any():
             nearest_mm = float(target[target > 0].min())
             added_mm += sample_slope(target.shape, change.slope_mm_per_px, nearest_mm, rng)
@@ -256,12 +246,6 @@ _HEIGHTS: Final = (0.25, 0.5, 0.75, 1.0)
 _PATCH_PX: Final = 12.0
 #: Share of frames without bumps, and share of bump sizes that become creases.
 _UNTOUCHED, _CREASED = 0.25, 0.5
-#: Ranges of a texture's period, px, and of its standard deviation, mm; both are log-uniform. Chosen
-#: for hair, knitted cloth, chairs, leaves and keys at 0.5 to 2 m; finer ones look like noise.
-_PERIOD_PX: Final = (3.0, 12.0)
-_TEXTURE_MM: Final = (0.4, 4.0)
-#: Numbers of frames of which ``averaged`` imitates the mean.
-_FRAMES_AVERAGED: Final = (2, 4, 9)
 #: Share of frames without a slope; largest move nearer, as a share of the frame's smallest depth.
 _LEVEL, _NEARER = 0.5, 0.5
 
@@ -285,35 +269,6 @@ def sample_surface_bumps(
         patches = np.clip(_smooth_noise(shape, _PATCH_PX, rng), 0, 2)
         total_mm += (height_mm * rng.random() ** 2 * height * bumps * patches).astype(np.float32)
     return total_mm
-
-
-def sample_texture(shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.float32]:
-    """Draw (H, W) float32 millimetres of ribs or grain, in patches, to add to depth.
-
-    Without textures, a network smooths hair and fabric as if they were noise.
-    """
-    period_px, height_mm = (
-        float(np.exp(rng.uniform(*np.log(limits)))) for limits in (_PERIOD_PX, _TEXTURE_MM)
-    )
-    if rng.random() < 0.5:
-        angle, phase = rng.uniform(0, 2 * np.pi, 2)
-        down, right = np.indices(shape)
-        along = np.sin(angle) * down + np.cos(angle) * right
-        pattern: NDArray[Any] = np.sqrt(2) * np.sin(2 * np.pi * along / period_px + phase)
-    else:  # the spectrum falls to half at about the period
-        pattern = _smooth_noise(shape, period_px / 5, rng)
-    patches = np.clip(0.5 + 2 * _smooth_noise(shape, _PATCH_PX, rng), 0, 1)
-    return np.asarray(height_mm * pattern * patches, np.float32)
-
-
-def _averaged(images: NDArray[np.float32], frames: int) -> NDArray[np.float32]:
-    """Divide a frame's noise by the root of a number of frames; ``images`` as in StoredPairs."""
-    noisy, target = images[0], images[-1]
-    error = noisy - target
-    same = (noisy > 0) & (target > 0) & (np.abs(error) < FLYING_MM)  # larger: flying pixels
-    averaged = images.copy()
-    averaged[0] = np.where(same, target + error / np.float32(math.sqrt(frames)), noisy)
-    return averaged
 
 
 def sample_slope(
