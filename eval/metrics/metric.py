@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final, Literal
 
 from glsim.eval.metrics.scored_map import ScoredMap
+from glsim.settings.toml_tables import read_toml
 
 Direction = Literal["lower", "higher", "neither"]
 MetricGroup = Literal["paper", "validity", "depth", "normals", "time"]
@@ -18,17 +20,8 @@ GROUPS: Final[dict[MetricGroup, str]] = {
     "normals": "Surface",
     "time": "Surface",
 }
-#: Column of rows.csv -> its name in tables.
-_TITLES: Final = {
-    "mse_mm2": "MSE", "psnr_db": "PSNR", "mse_flips_pct": "share of flips in MSE",
-    "ssim_paper": "SSIM, paper", "ssim_standard": "SSIM", "ssim_16bit": "SSIM, 16 bits",
-    "iou": "IoU", "flips_px": "wrong validity",
-    "flying_px": "flying pixels", "both_rmse_mm": "RMSE", "input_interior_rmse_mm": "RMSE inside",
-    "both_edge_rmse_mm": "RMSE at edges", "input_rmse_mm": "RMSE, input's pixels",
-    "input_bias_mm": "bias", "filled_rmse_mm": "RMSE, filled pixels",
-    "relief_kept_pct": "relief kept", "systematic_mm2": "systematic error",
-    "normal_mean_deg": "normals", "normal_good_pct": "normals within 10°", "time_ms": "time",
-}  # fmt: skip
+#: Descriptions of the shipped metrics, see the file.
+DESCRIPTIONS: Final = read_toml(Path(__file__).with_name("metrics.toml"))
 
 
 @dataclass(frozen=True)
@@ -53,7 +46,7 @@ class Metric:
     @property
     def heading(self) -> str:
         """Plain name and unit, for tables."""
-        title = _TITLES.get(self.name, self.name)
+        title = DESCRIPTIONS["titles"].get(self.name, self.name)
         return f"{title} [{self.unit}]" if self.unit != "1" else title
 
     @property
