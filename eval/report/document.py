@@ -7,15 +7,21 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from typing import TYPE_CHECKING, Final
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
 
 from glsim.core.errors import GlsimError
 from glsim.core.files.markdown import markdown_table
+from glsim.settings.toml_tables import read_toml
 
 #: Matches a cell that starts with a number, bold or not: 1.2, -3 %, **0.85 ± 0.01**, 3 of 3.
 _NUMBER: Final = re.compile(r"\W{0,3}\d")
 #: Texts of cells without a value in columns of numbers.
 _NO_VALUE: Final = frozenset(("", "-", "nan", "n/a", "not scored"))
+
+
+#: Page -> name of a text -> the text.
+TEXTS: Final[dict[str, dict[str, Any]]] = read_toml(Path(__file__).with_name("page_texts.toml"))
 
 
 @dataclass(frozen=True)

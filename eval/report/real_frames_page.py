@@ -14,19 +14,18 @@ import numpy as np
 from glsim.core.files.atomic import write_atomic
 from glsim.eval.real_frames.frame_truth import BINS_M
 from glsim.eval.real_frames.totals import EDGES, Interval, RealMeasures, RealScores
-from glsim.eval.report.document import CaptionedPng, Document, Heading, TextTable, html_page
+from glsim.eval.report.document import (
+    TEXTS,
+    CaptionedPng,
+    Document,
+    Heading,
+    TextTable,
+    html_page,
+)
 from glsim.eval.report.score_tables import format_number
 
-#: Measure of EDGES -> heading of its column and factor: shares are printed in %.
-_EDGE_HEADS: Final = {
-    "ring_1_lost": ("outermost ring lost [%]", 100.0),
-    "ring_2_lost": ("second ring lost [%]", 100.0),
-    "surface_lost": ("smooth surfaces lost [%]", 100.0),
-    "shadow_filled": ("holes beside foregrounds filled [%]", 100.0),
-    "alone": ("lone pixels", 1.0),
-    "alone_filled": ("of them filled", 1.0),
-    "pinholes": ("pinholes", 1.0),
-}
+_TEXTS: Final = TEXTS["real_frames"]
+_EDGE_HEADS: Final[dict[str, tuple[str, float]]] = _TEXTS["edge_columns"]
 
 
 def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Document:
@@ -35,38 +34,34 @@ def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Doc
     units = f"{scores.scenes} static scenes" if scores.by_scene else "tiles of 64 x 64 px"
     page = Document(f"Real frames: {scores.title}")
     page.parts += [
-        f"{len(scores.checksums)} frames (identity `{scores.identity}`), {scores.static_frames} of "
-        f"them of {scores.scenes} static scenes, {scores.boards} with a chessboard. Change: mean "
-        "over the distances of the RMSE relative to the raw frames; in brackets its 95 % interval "
-        "(bootstrap). Bold: the best of a column."
+        _TEXTS["head"].format(
+            frames=len(scores.checksums),
+            identity=scores.identity,
+            static=scores.static_frames,
+            scenes=scores.scenes,
+            boards=scores.boards,
+        )
     ]
     if scores.static_frames:
         page.parts += [
             Heading("Static pairs, RMSE [mm]"),
-            "Denoised frame against another raw frame of the same view, whose own noise is "
-            f"subtracted. Pixels by distance: {', '.join(str(n) for n in scores.pixels)}. The "
-            f"interval is over {units}.",
+            _TEXTS["static"].format(pixels=", ".join(map(str, scores.pixels)), units=units),
             _table(scores, distances, lambda m: m.pair_rmse_mm, lambda m: m.pair_change),
         ]
     page.parts += [
         Heading("Planes: RMSE from the plane fitted to a tile [mm]"),
-        "Tiles of 48 x 48 px that the raw frame shows as one plane, outliers removed. Unlike "
-        "static pairs they show errors that stay from frame to frame, as those of stereo cameras "
-        "do. The interval is over the frames.",
+        _TEXTS["planes"],
         _table(scores, distances, lambda m: m.plane_rmse_mm, lambda m: m.plane_change),
     ]
     if scores.boards:
         page.parts += [
             Heading("Chessboard, paper: RMSE from its plane [mm]"),
-            "The white squares alone: print is seen farther away, and that is no noise. The "
-            "interval is over the boards.",
+            _TEXTS["boards"],
             _table(scores, distances, lambda m: m.paper_rmse_mm, lambda m: m.paper_change),
         ]
     page.parts += [
         Heading("Smooth surfaces: shift against the raw frames [mm]"),
-        "A denoiser removes noise and keeps surfaces in place: 0 is best. No best is marked: what "
-        "changes nothing, such as a network of one step, has no shift. Last: the 100 mm with the "
-        "largest shift.",
+        _TEXTS["shifts"],
         _table(scores, [*distances, "largest"], lambda m: (*m.shift_mm, m.largest_shift_mm)),
         Heading("Edges"),
         _own_losses(scores),
@@ -82,19 +77,10 @@ def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Doc
 
 
 def _own_losses(scores: RealScores) -> str:
-    text = (
-        "Lost: no depth, or moved by more than 50 mm. Rings: the outermost and the second pixel of "
-        "foregrounds, row by row. Counts are per frame: pixels with depth and at most two of eight "
-        "neighbours with depth; those of them where the input has none; dropped pixels with at "
-        "least six neighbours with depth."
-    )
     first, second = scores.own_ring_losses
-    if math.isnan(first):
-        return text
-    return (
-        f"{text} The sensor's own errors: another raw frame of the same view has lost "
-        f"{100 * first:.1f} % of the outermost and {100 * second:.1f} % of the second ring."
-    )
+    own = "" if math.isnan(first) else _TEXTS["own_losses"]
+    text: str = _TEXTS["edges"] + own.format(first=100 * first, second=100 * second)
+    return text
 
 
 def _table(
@@ -134,9 +120,6 @@ def write_real_frames(
     """Write table.md and scores.json; with pictures, report.html and figures/*.png.
 
     Returns the paths. Raises DatasetError if writing fails.
-
-    Args:
-        remarks: paragraphs that are added to the notes.
     """
     page = real_frames_document(scores, remarks)
     paths = [out / "table.md", out / "scores.json"]

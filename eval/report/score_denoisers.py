@@ -29,11 +29,9 @@ def score_denoisers(
     """Score the denoisers of a job and trained networks; write all results.
 
     Args:
-        job: frames and denoisers (default: the paper's filters); the noisy input is always scored.
+        job: its default denoisers are the paper's filters; the noisy input is always scored.
         trained: networks of ``glsim train``, scored beside the denoisers.
         pages: function that makes further pages from the scores: file name without .md -> page.
-        figures: draw report.html.
-        progress: called after each block of frames.
 
     Returns:
         The written files, and lines: the best methods, and each method that harms surfaces.

@@ -13,7 +13,7 @@ from glsim.core.units import MM_PER_M
 from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.metric import GROUPS, Metric
 from glsim.eval.metrics.regions import REGION_METRICS
-from glsim.eval.report.document import Document, Heading, TextTable
+from glsim.eval.report.document import TEXTS, Document, Heading, TextTable
 from glsim.eval.scoring.aggregate import MetricMean, ScoreSummary
 from glsim.eval.scoring.bias import BIAS_BIN_MM, ENOUGH_PIXELS, largest_bias
 from glsim.eval.scoring.evaluate import Evaluation, write_csv
@@ -122,10 +122,9 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
     scores = Document(
         "Scores",
         [
-            f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. In "
-            "brackets the 95 % interval over subjects (bootstrap); differences to the best are "
-            "paired by subject. Bold: the best mean. Arrows: which way is better. "
-            "Maps are scored as denoisers return them, unrounded."
+            TEXTS["scores"]["head"].format(
+                frames=evaluation.frames, people=len(evaluation.summary.subjects)
+            )
         ],
     )
     for title, names in TABLE_SECTIONS.items():
@@ -133,10 +132,7 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
         heads = [f"{m.heading} {m.arrow}".strip() for m in metrics]
         scores.parts.append(Heading(title))
         if title == GROUPS["paper"]:
-            scores.parts.append(
-                "Nearly all of this squared error is in pixels that have depth in one map only, so "
-                "that it tells how a method treats silhouettes, not how near its surfaces are."
-            )
+            scores.parts.append(TEXTS["scores"]["paper"])
         gaps = _minus_best(evaluation.summary) if _INSIDE in names else {}
         scores.parts.append(_table(table, metrics, heads, intervals=True, gaps=gaps))
     won = [Document("Result", [winners(evaluation.summary)])]
@@ -187,14 +183,7 @@ def _table(
 def _region_document(table: ResultTable) -> Document | None:
     """Return a table per region metric, with a column per face part; None without face parts."""
     first = next(iter(table.values()))
-    document = Document(
-        "Parts of the face",
-        [
-            "RMSE and bias are over the pixels of input_interior_* (input and clean valid, no "
-            "edge), normals over those of normal_mean_deg. Parts without such pixels in any frame "
-            "are left out; table.csv has all parts."
-        ],
-    )
+    document = Document("Parts of the face", [TEXTS["scores"]["regions"]])
     for name in REGION_METRICS:
         metrics = [
             entry.metric
@@ -224,12 +213,7 @@ def _bias_document(summary: ScoreSummary) -> Document | None:
         size = "n/a" if largest is None else f"{abs(largest.mean_mm):.2f}"
         means = [f"{bins[edge].mean_mm:+.2f}" if edge in bins else "n/a" for edge in edges]
         rows.append([f"`{method}`", size, *means])
-    note = (
-        f"Mean of prediction - truth per {BIAS_BIN_MM} mm of the truth's depth, over interior "
-        f"pixels where method and input have depth, without errors beyond {FLYING_MM:.0f} mm. "
-        f"Columns: lower edge of the bin, m; bins of fewer than {ENOUGH_PIXELS} pixels are left "
-        "out (bias_by_distance.csv has all, with intervals)."
-    )
+    note = TEXTS["scores"]["bias"].format(bin=BIAS_BIN_MM, flying=FLYING_MM, enough=ENOUGH_PIXELS)
     head = ["method", "largest ↓", *(f"{edge / MM_PER_M:.1f}" for edge in edges)]
     return Document("Bias over distance [mm]", [note, TextTable(head, rows)])
 
@@ -252,10 +236,7 @@ def _remarks(evaluation: Evaluation, table: ResultTable) -> list[str]:
     lines = []
     subjects = len(evaluation.summary.subjects)
     if subjects < FEW_SUBJECTS:
-        lines.append(
-            f"The intervals are of {subjects} subjects, too few to trust them: score "
-            f"{FEW_SUBJECTS} or more."
-        )
+        lines.append(TEXTS["scores"]["few"].format(people=subjects, enough=FEW_SUBJECTS))
     undefined: dict[str, list[str]] = {}
     for method, entries in table.items():
         for name in (name for names in TABLE_SECTIONS.values() for name in names):

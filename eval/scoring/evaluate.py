@@ -78,10 +78,7 @@ def evaluate(
     Raises ConfigError for a wrong denoiser, a denoiser trained under another protocol, or an empty
     set, DatasetError if no frame can be scored.
 
-    Args:
-        workers: number of processes. Default: one per core.
-        baselines: also score trivial predictions.
-        progress: called after each block.
+    ``workers``: default, one per core. ``baselines``: also score trivial predictions.
     """
     methods = load_methods(job.denoisers)  # raises errors before scoring starts
     frames = job.frames()

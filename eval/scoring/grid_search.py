@@ -41,10 +41,6 @@ def tune_filters(
 
     The metric SURFACE chooses the filter's parameters, with the input's mask. Then SILHOUETTE
     chooses the window of the mask clean-up. Raises the errors of ``evaluate``.
-
-    Args:
-        job: frames; its denoisers are ignored.
-        names: filters; those without a grid are left out.
     """
     names = [name for name in names if name in GRIDS]
     if not names:

@@ -158,13 +158,7 @@ def score_and_write(
 ) -> None:
     """Score with a progress bar, and print the names of the written files.
 
-    Args:
-        score: ``score_denoisers``, or a function with the same parameters.
-        job: the frames and the denoisers.
-        out: folder of the results.
-        figures: whether to write report.html.
-        workers: value of ``--workers``.
-        tune: function of job, folder and number of workers that adds denoisers to the job.
+    ``score`` has the parameters of ``score_denoisers``. ``tune`` adds denoisers to the job.
     """
     from glsim.data.worker_processes import worker_count
 

@@ -19,18 +19,22 @@ from glsim.eval.report.figures.side_view import FLYING, TURN_DEG, half_width_mm,
 from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
 
 PanelRow = Literal["depth", "error", "normals", "side", "scan"]
-#: Kind of panels in a row -> label left of the row.
-_LABELS: Final[dict[PanelRow, str]] = {
-    "depth": "depth\nrow [px]",
-    "error": "error\nrow [px]",
-    "normals": "normals\nrow [px]",
-    "side": f"from {TURN_DEG:.0f}°\nup [mm]",
-    "scan": "scan line [mm]",
+#: Kind of panels in a row -> labels left of and below its first panel.
+_LABELS: Final[dict[PanelRow, tuple[str, str]]] = {
+    "depth": ("depth\nrow [px]", "column [px]"),
+    "error": ("prediction - truth\nrow [px]", "column [px]"),
+    "normals": ("normals\nrow [px]", "column [px]"),
+    "side": (f"from {TURN_DEG:.0f}°\nup [mm]", "right [mm]"),
+    "scan": ("scan line\ndepth [mm]", "column [px]"),
 }
+#: Kind of panels -> label of its colour bar.
+_BARS: Final = {"depth": "depth [mm]", "error": "← too near   [mm]   too far →"}
 PANEL_ROWS: Final[tuple[PanelRow, ...]] = ("depth", "error", "normals", "side", "scan")
-_TITLE_SIZE, _TEXT_SIZE = 8, 6
+_TEXT_SIZE: Final = 6
 #: Side of a panel; width for labels left and right; height for labels above and below, inch.
-_PANEL_IN, _SIDES_IN, _ENDS_IN = 1.35, 1.2, 1.1
+_PANEL_IN, _SIDES_IN, _ENDS_IN = 1.35, 1.3, 1.1
+#: Height of the label below a row, inch; side of the key of normals, px.
+_LABEL_IN, _KEY_PX = 0.15, 48
 #: Range of the signed-error colours, mm, in every figure.
 _ERROR_RANGE_MM: Final = 10.0
 #: Colours of pixels: no depth in both maps, depth in the prediction only, depth in the truth only.
@@ -50,10 +54,11 @@ def method_panels(
 
     Args:
         frame: a frame with clean depth; surfaces are drawn at their distance from the camera.
-        methods: title -> (H, W) millimetres, 0 = no depth; lines after a title's first are small.
+        methods: title of up to two lines -> (H, W) millimetres, 0 = no depth.
     """
     columns = {"clean": frame.clean_mm, **methods}
-    figure = new_figure(_PANEL_IN * len(columns) + _SIDES_IN, _PANEL_IN * len(rows) + _ENDS_IN)
+    height_in = (_PANEL_IN + _LABEL_IN) * len(rows) + _ENDS_IN
+    figure = new_figure(_PANEL_IN * len(columns) + _SIDES_IN, height_in)
     axes = figure.subplots(
         len(rows), len(columns) + 1, squeeze=False, width_ratios=[1.0] * len(columns) + [0.06]
     )
@@ -62,19 +67,22 @@ def method_panels(
         "error": _colours(-_ERROR_RANGE_MM, _ERROR_RANGE_MM, "RdBu_r"),
     }
     for column, (title, depth) in enumerate(columns.items()):
-        name, _, small = title.partition("\n")
-        axes[0, column].set_title(f"{name}\n{small}", fontsize=_TEXT_SIZE if small else _TITLE_SIZE)
+        axes[0, column].set_title(title, fontsize=_TEXT_SIZE + 1)
         for axis, kind in zip(axes[:, column], rows, strict=True):
             _draw(axis, kind, depth, frame, mappings)
             axis.tick_params(labelsize=_TEXT_SIZE - 1, length=2, width=0.4, labelleft=column == 0)
     for axis, kind in zip(axes[:, 0], rows, strict=True):
-        axis.set_ylabel(_LABELS[kind], fontsize=_TEXT_SIZE)
+        left, below = _LABELS[kind]
+        axis.set_ylabel(left, fontsize=_TEXT_SIZE)
+        axis.set_xlabel(below, fontsize=_TEXT_SIZE, labelpad=1)
+        if kind == "normals":
+            _draw_key(axis)
     for axis, kind in zip(axes[:, -1], rows, strict=True):
         if kind not in mappings:
             axis.set_visible(False)
             continue
         figure.colorbar(mappings[kind], cax=axis)
-        axis.set_ylabel("mm", fontsize=_TEXT_SIZE)
+        axis.set_ylabel(_BARS[kind], fontsize=_TEXT_SIZE)
         axis.tick_params(labelsize=_TEXT_SIZE)
     figure.legend(
         handles=_legend(), loc="outside upper center", ncols=4 if len(columns) > 3 else 2,
@@ -129,6 +137,16 @@ def _draw(
     axis.imshow(picture[rows, columns], interpolation="nearest", extent=edges)
     axis.set_xlim(edges[:2])
     axis.set_ylim(edges[2:])
+
+
+def _draw_key(axis: Any) -> None:
+    """Draw the colours of the normals of a sphere, seen by the camera, into the lower corner."""
+    x, y = np.meshgrid(*[np.linspace(-1, 1, _KEY_PX)] * 2)
+    z = np.sqrt(np.clip(1 - x * x - y * y, 0, None))
+    colours = 0.5 + 0.5 * np.stack([x, -y, z], axis=-1)
+    key = axis.inset_axes([0.0, 0.0, 0.24, 0.24])
+    key.imshow(np.dstack([colours, z > 0]))
+    key.set_axis_off()
 
 
 def in_space(frame: DepthFrame, depth: Depth) -> Depth:
