@@ -12,7 +12,13 @@ from glsim.core.depth_protocol import MEANING
 from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.ssim import PRESETS
-from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS, PrintedRow
+from glsim.eval.paper.printed_values import (
+    COPIES,
+    PRINTED_FILTERS,
+    PRINTED_NETWORKS,
+    TEXTS,
+    PrintedRow,
+)
 from glsim.eval.report.document import Document, Heading, TextTable
 from glsim.eval.report.score_tables import ResultTable, format_number
 from glsim.eval.scoring.aggregate import MetricMean
@@ -29,33 +35,10 @@ PAPER_ROWS: Final = {
 }
 #: Names of the trivial predictions, a scale for the others.
 TRIVIAL: Final = ("zero image", "mean face")
-#: Our metric -> heading of the printed column. The paper does not state its SSIM constants; with L
-#: of 16-bit maps, our SSIM is closest to the printed values.
-PAPER_COLUMNS: Final = {
-    "mse_mm2": "MSE [mm²]",
-    "psnr_db": "PSNR per image [dB]",
-    "ssim_16bit": "SSIM (ours: L = 65535)",
-}
-#: The rows that the paper prints with and without artefact removal.
-_TWINNED: Final = ("D7", "D20", "D64")
-_SURFACE_COLUMNS: Final = {
-    "both_interior_rmse_mm": "interior RMSE [mm]",
-    "both_rmse_mm": "RMSE, valid in both [mm]",
-    "normal_mean_deg": "normals [°]",
-    "flips_px": "flipped pixels",
-    "flying_px": "flying pixels",
-}
-_TRIVIAL: Final = (
-    "Zero image: a map without any depth. Mean face: the mean of the true maps where most of them "
-    "have depth, the same map for every frame. A method that loses to the zero image is worse than "
-    "none; one may lose to the mean face by its silhouettes alone. Both are scored on at most 200 "
-    "frames, evenly spread."
-)
-_ARTEFACT_REMOVAL: Final = (
-    "AR, artefact removal, maps the input back through the adjoint of the measurement operator "
-    "before the network. In deepinv's class that operator is the identity for denoising: a row "
-    "with AR is the same network as its partner. That the paper used it so is an inference."
-)
+_TEXTS: Final = TEXTS["tables"]
+#: Our metric -> heading of its column.
+PAPER_COLUMNS: Final[dict[str, str]] = _TEXTS["printed_columns"]
+_SURFACE_COLUMNS: Final[dict[str, str]] = _TEXTS["surface_columns"]
 
 
 @dataclass(frozen=True)
@@ -94,6 +77,8 @@ def paper_table(
     table: ResultTable,
     trained: Sequence[TrainedRun] = (),
     refused: Sequence[str] = (),
+    size: str = "",
+    note: str = "",
 ) -> Document:
     """Return the page of a table of the paper, with printed values and our values.
 
@@ -101,8 +86,9 @@ def paper_table(
         which: number of the table: 1, 2 or 3.
         table: label of a method -> its scores.
         refused: a reason for each network that was left out.
+        size, note: end of the title and a paragraph: what was run.
     """
-    groups = with_twins(group_by_network(trained)) if which > 1 else []
+    groups = group_by_network(trained) if which > 1 else []
     rows = _network_rows(which, groups, table)
     rows += [
         _Row(PRINTED_FILTERS[name].title, "filter", PRINTED_FILTERS[name], [table[name]])
@@ -122,17 +108,19 @@ def paper_table(
         if name in baselines.methods
     ]
     document = Document(
-        f"Table {which} of Kendrick, Yap and Tan: printed and measured",
+        f"Table {which} of Kendrick, Yap and Tan: printed and measured{size}",
         [
-            f"{evaluation.frames} frames of {len(evaluation.summary.subjects)} subjects. Protocol "
-            f"{evaluation.protocol}: {MEANING[evaluation.protocol]}. Ours are means over seeds ± "
-            "their standard deviation. Nothing is extrapolated: the numbers of a row that was "
-            "trained smaller stand for that size only.",
+            *filter(None, [note]),
+            _TEXTS["means"].format(
+                frames=evaluation.frames,
+                people=len(evaluation.summary.subjects),
+                protocol=evaluation.protocol,
+                meaning=MEANING[evaluation.protocol],
+            ),
             _printed_and_ours(rows, table["noisy"]["mse_mm2"].mean),
-            f"SSIM with the printed constants: {PRESETS['paper']}. No single reading of the "
-            "constants, range and types gives the paper's SSIM column.",
-            *([_ARTEFACT_REMOVAL] if which == 3 else []),
-            *([_TRIVIAL] if baselines.methods else []),
+            _TEXTS["ssim"].format(preset=PRESETS["paper"]),
+            *([_TEXTS["artefact_removal"]] if which == 3 else []),
+            *([_TEXTS["trivial"]] if baselines.methods else []),
             Heading("What all-pixel metrics hide"),
             TextTable(
                 ["row", "ours is", *(f"{text} ↓" for text in _SURFACE_COLUMNS.values())],
@@ -148,29 +136,16 @@ def paper_table(
     return document
 
 
-def with_twins(groups: Sequence[SeedGroup]) -> list[SeedGroup]:
-    """Add rows with artefact removal that were not trained, as copies of rows without it.
-
-    Artefact removal applies the measurement operator, the identity in denoising: no bit changes.
-    """
-    trained = {(group.row, group.size) for group in groups}
-    twins = [
-        group._replace(title=f"{group.title} again, as AR {group.row}", row=f"AR {group.row}")
-        for group in groups
-        if group.row in _TWINNED
-    ]
-    return [*groups, *(twin for twin in twins if (twin.row, twin.size) not in trained)]
-
-
 def _network_rows(which: int, groups: Sequence[SeedGroup], table: ResultTable) -> list[_Row]:
     """List the rows of networks: all rows of the paper, then our additional networks."""
     rows = []
     for name in (*PAPER_ROWS[which], None) if which > 1 else ():
         printed = PRINTED_NETWORKS[name] if name else None
+        own = [group for group in groups if group.row == name]
+        same = own or [group for group in groups if group.row == COPIES.get(name or "", "")]
         trained = [
             _Row(name or "-", _description(group, composite), printed, seeds)
-            for group in groups
-            if group.row == name
+            for group in same
             for composite in ("", *COMPOSITES)
             if (seeds := _entries(group, composite, table))
         ]
@@ -188,9 +163,8 @@ def _entries(
 
 
 def _description(group: SeedGroup, composite: str) -> str:
-    minutes = statistics.fmean(run.seconds / 60 for run in group.members)
     name = f"{group.title} [{composite}]" if composite else group.title
-    return f"{name}, {group.size}, seeds: {len(group.members)}, {minutes:.1f} min each"
+    return f"{name}, {group.training}"
 
 
 def _printed_and_ours(rows: Sequence[_Row], noisy_mm2: float) -> TextTable:

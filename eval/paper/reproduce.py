@@ -1,5 +1,6 @@
 """Reproduction of the paper: data, networks, tables 1 to 3, figures, and the 39 printed values.
 
+FOLDER/plan.json                     name and title of the plan
 FOLDER/data, FOLDER/runs             pairs and networks with dense clean maps, measured depth
 FOLDER/[mask_MASK/][protocol_paper/] pairs, networks and tables of the other three cases
 FOLDER/filters/MASK/SEED             data for table 1 alone, with PROTOCOL/ for its scores
@@ -9,7 +10,8 @@ FOLDER/paper_figures, paper_values.* figures 1 to 6; each printed value beside o
 from __future__ import annotations
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import product
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -17,16 +19,19 @@ from pydantic import Field
 
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, did_you_mean
+from glsim.core.files.atomic import to_json, write_atomic
+from glsim.eval.paper.data_note import PLAN_FILE
 from glsim.eval.paper.figures.draw_figures import write_paper_figures
 from glsim.eval.paper.ours_beside_printed import (
     FILTERS_FOLDER,
-    MASKS,
     case_folder,
     mask_folder,
     write_values,
 )
+from glsim.eval.paper.plan_hours import plan_hours
 from glsim.eval.paper.runner import Runner
 from glsim.eval.paper.score_tables import score_tables
+from glsim.eval.report.document import TextTable
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.settings.schema import Settings, load_settings
 from glsim.settings.toml_tables import TomlTable, merge_tables, parse_table, read_toml
@@ -60,6 +65,7 @@ class ReproductionPlan(TomlTable):
     """Plan of what a reproduction generates, trains and scores, read from eval/paper/plans/."""
 
     title: str
+    size: str = Field("", description="name in titles; default: that of the plan's file")
     protocols: tuple[DepthProtocol, ...] = Field(("depth",), min_length=1)
     masks: tuple[CleanMask, ...] = Field(("dense",), min_length=1)
     seeds: tuple[int, ...] = Field((0,), min_length=1)
@@ -109,6 +115,13 @@ class ReproductionPlan(TomlTable):
             for name in group.recipes
         }
 
+    def hours(self) -> TextTable:
+        """Return the hours of all trainings at most: on this machine, and on GPUs."""
+        cases = [(protocol, mask) for mask in self.masks for protocol in self.protocols]
+        recipes = [recipe for case in cases for recipe in self.trainings(*case).values()]
+        images = self.images or self.subjects * self.frames_per_subject
+        return plan_hours(recipes, self.data_settings("dense", {}).split, images)
+
 
 def load_plan(size: str) -> ReproductionPlan:
     """Load a shipped plan by its name, or a plan from a TOML file. Raises ConfigError."""
@@ -116,7 +129,7 @@ def load_plan(size: str) -> ReproductionPlan:
     if not file.is_file():
         known = [shipped.stem for shipped in _FOLDER.glob("*.toml")]
         raise ConfigError(f"--size {size}: no such plan ({did_you_mean(size, known)})")
-    return parse_table(ReproductionPlan, read_toml(file), str(file))
+    return parse_table(ReproductionPlan, {"size": file.stem} | read_toml(file), str(file))
 
 
 def reproduce(
@@ -138,46 +151,46 @@ def reproduce(
     out = runner.out
     cases = [(protocol, mask) for mask in plan.masks for protocol in plan.protocols]
     trainings = {case: plan.trainings(*case) for case in cases}  # reports wrong recipes early
+    if not runner.dry:
+        write_atomic(
+            to_json({"size": plan.size, "title": plan.title}, "plan").encode(), out / PLAN_FILE
+        )
     for mask in plan.masks:
         runner.generate(plan.data_settings(mask, roots or {}), mask_folder(out, mask) / "data")
     if plan.filters is not None:
-        _score_filters(plan, plan.filters, runner)
+        for mask, seed in product(plan.masks, plan.filters.seeds):
+            folder = out / FILTERS_FOLDER / mask / str(seed)
+            runner.generate(plan.filter_settings(plan.filters, mask, seed), folder / "data")
+            for protocol in plan.protocols:
+                _score(plan, runner, folder / "data", folder / protocol, protocol, (1,))
     for (protocol, mask), recipes in trainings.items():
         data, folder = mask_folder(out, mask) / "data", case_folder(out, protocol, mask)
         for name, recipe in recipes.items():
             runner.train(recipe, [data], folder / "runs" / name)
-        job = ScoringJob(data, "test", plan.denoisers, protocol=protocol)
-        _score(job, (1, 2, 3), runner, folder, folder / "runs", plan.report)
+        _score(plan, runner, data, folder, protocol, (1, 2, 3))
     if plan.report:
-        inputs = sorted(str(path.stat().st_mtime_ns) for path in out.glob("runs/*/best.pt"))
+        inputs = sorted(str(path.stat().st_mtime_ns) for path in out.rglob("runs/*/best.pt"))
         runner.step("draw figures", lambda: write_paper_figures(out), inputs, out / "paper_figures")
     return runner.step("compare the printed values", lambda: write_values(out)) or []
 
 
-def _score_filters(plan: ReproductionPlan, sets: FilterSets, runner: Runner) -> None:
-    for mask in MASKS:
-        for seed in sets.seeds:
-            folder = runner.out / FILTERS_FOLDER / mask / str(seed)
-            runner.generate(plan.filter_settings(sets, mask, seed), folder / "data")
-            for protocol in plan.protocols:
-                job = ScoringJob(folder / "data", "test", (), protocol=protocol)
-                _score(job, (1,), runner, folder / protocol)
-
-
 def _score(
-    job: ScoringJob,
-    tables: tuple[int, ...],
+    plan: ReproductionPlan,
     runner: Runner,
+    data: Path,
     folder: Path,
-    runs: Path | None = None,
-    report: bool = False,
+    protocol: DepthProtocol,
+    tables: Sequence[int],
 ) -> None:
+    runs = folder / "runs" if 2 in tables else None
+    job = ScoringJob(data, "test", plan.denoisers if runs else (), protocol=protocol)
 
     def run() -> None:
         with runner.displays.scoring("scoring") as progress:
             score_tables(
-                job, folder, tables, runs, figures=report, workers=runner.workers, progress=progress
-            )
+                job, folder, tables, runs, size=f", {plan.size}",
+                figures=plan.report and runs is not None, workers=runner.workers, progress=progress,
+            )  # fmt: skip
 
-    names = " ".join(str(table) for table in tables)
+    names = " ".join(map(str, tables))
     runner.step(f"tables {names} in {folder.relative_to(runner.out).as_posix()}", run)

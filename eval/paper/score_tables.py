@@ -7,10 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from glsim.core.errors import ConfigError
-from glsim.data.disk_format import HEADER
-from glsim.data.reader import open_dataset
 from glsim.denoise.registry import PAPER_FILTERS
-from glsim.eval.paper.data_note import data_note
+from glsim.eval.paper.data_note import run_note
 from glsim.eval.paper.paper_tables import PAPER_ROWS, paper_table
 from glsim.eval.report.document import Document
 from glsim.eval.report.score_denoisers import score_denoisers
@@ -26,24 +24,19 @@ def score_tables(
     tables: Sequence[int],
     runs: Path | None = None,
     *,
+    size: str = "",
     figures: bool = True,
     workers: int = 1,
     progress: Callable[[ScoringProgress], None] | None = None,
 ) -> tuple[list[Path], list[str]]:
     """Score the paper's filters, denoisers and trained networks; write the paper's tables as well.
 
+    Returns the written files, and a line for each method that harms surfaces. Raises ConfigError
+    for an unknown table, or tables 2 and 3 without ``runs``, and the errors of ``score_denoisers``.
+
     Args:
-        job: frames, and the denoisers beside the paper's filters.
         tables: numbers of the paper's tables to write as paper_table_N.md.
-        runs: folder with a folder per run of ``glsim train``.
-        figures, workers, progress: see ``score_denoisers``.
-
-    Returns:
-        The written files, and a line for each method that harms surfaces.
-
-    Raises:
-        ConfigError: an unknown table, or tables 2 and 3 without ``runs``.
-        GlsimError: the errors of ``score_denoisers``.
+        size: end of the tables' titles, which names the plan.
     """
     for number in tables:
         if number not in PAPER_ROWS:
@@ -56,13 +49,12 @@ def score_tables(
         trained = trained._replace(runs=[run for run in trained.runs if run.row in rows])
 
     def pages(evaluation: Evaluation, table: ResultTable) -> dict[str, Document]:
-        networks = () if trained is None else trained[1:]
-        pages = {f"paper_table_{n}": paper_table(n, evaluation, table, *networks) for n in tables}
-        if (job.dataset / HEADER).is_file():
-            note = data_note(open_dataset(job.dataset))
-            for page in pages.values():
-                page.parts.insert(1, note)
-        return pages
+        networks, refused = ([], []) if trained is None else trained[1:]
+        note = run_note(job.dataset, networks)
+        return {
+            f"paper_table_{n}": paper_table(n, evaluation, table, networks, refused, size, note)
+            for n in tables
+        }
 
     return score_denoisers(
         replace(job, denoisers=(*PAPER_FILTERS, *job.denoisers)), out, trained, pages=pages,

@@ -24,6 +24,7 @@ class TrainedRun(BaseModel):
         size: full, small or own.
         description: differences from the published training.
         state: finished, or interrupted.
+        ended: the limit that ended the training; None before the end.
     """
 
     checkpoint: Path
@@ -35,6 +36,12 @@ class TrainedRun(BaseModel):
     seconds: float
     steps: int
     state: str
+    ended: str | None = None
+
+    @property
+    def is_trained(self) -> bool:
+        """Whether the validation stopped improving; otherwise another limit ended the training."""
+        return self.ended == "patience"
 
     @property
     def label(self) -> str:
@@ -119,6 +126,20 @@ class SeedGroup(NamedTuple):
     row: str | None
     size: str
     members: list[TrainedRun]
+
+    @property
+    def training(self) -> str:
+        """Size, seeds, steps and time of the trainings, for tables."""
+        minutes = sum(run.seconds for run in self.members) / 60 / len(self.members)
+        falling = "" if all(run.is_trained for run in self.members) else ", still falling"
+        steps = steps_text(self.members)
+        return f"{self.size}, seeds: {len(self.members)}, {steps}, {minutes:.1f} min each{falling}"
+
+
+def steps_text(runs: Sequence[TrainedRun]) -> str:
+    """Return the smallest and the largest number of steps of some trainings as text."""
+    low, high = min(run.steps for run in runs), max(run.steps for run in runs)
+    return f"{low:,} steps" if low == high else f"{low:,} to {high:,} steps"
 
 
 def group_by_network(trained: Sequence[TrainedRun]) -> list[SeedGroup]:

@@ -39,11 +39,12 @@ app = typer.Typer(
 )
 
 REPRODUCE_EXAMPLES = """
-glsim paper reproduce -o reproduced               small, for a CPU: an hour of one core
+glsim paper reproduce -o reproduced               small, for a CPU: four hours of two cores
+glsim paper reproduce -o quick --size quick       few steps, all four cases: 15 minutes of two cores
 glsim paper reproduce -o tiny --size tiny         every step once, as a check: three minutes
 glsim paper reproduce -o paper --size full        the paper's size, for a GPU
 glsim paper reproduce -o mine --size mine.toml    your own plan, in the format of the shipped ones
-glsim paper reproduce -o reproduced --plan        print time, size and steps
+glsim paper reproduce -o reproduced --plan        print steps and hours, here and on GPUs
 glsim paper reproduce -o paper --d3dfacs d3dfacs_alignments --biwi hpdb     with the paper's faces
 Repeat the same command to resume an interrupted one.
 """
@@ -77,13 +78,13 @@ def reproduce(
     One folder contains all results: data/, runs/, paper_table_1.md to _3.md, report.html, the
     paper's figures in paper_figures/, and paper_values.html, each printed value beside ours.
     protocol_paper/ holds the networks and tables under the paper's protocol (nearest point at
-    1 mm), mask_as-noisy/ those with BlenSor's mask. Rows with artefact removal are their partners'
-    networks. A finished step is not repeated: delete its folder to do it again.
+    1 mm), mask_as-noisy/ those with BlenSor's mask. A finished step is not repeated: delete its
+    folder to do it again.
 
     Args:
         out: Folder for all results.
-        size: Plan: tiny (a check), small (CPU), full (GPU), or your own .toml.
-        plan: Print the steps without running them.
+        size: Plan: tiny (a check), quick or small (CPU), full (GPU), or your own .toml.
+        plan: Print the steps and their hours without running them.
     """
     from glsim.cli.train import stopping, training_progress
     from glsim.data.worker_processes import worker_count
@@ -106,6 +107,8 @@ def reproduce(
         groups.setdefault(kind + cut.strip(), []).append(name)
     for kind, names in groups.items():
         make_console().print(f"{kind} ({len(names)}): {', '.join(names)}")
+    if plan:
+        typer.echo(chosen.hours().markdown())
 
 
 def tables(
@@ -144,7 +147,7 @@ def figures(folder: FolderArgument) -> None:
 
 
 def values(folder: FolderArgument) -> None:
-    """Write paper_values.html, which compares each printed value with ours in four cases."""
+    """Write paper_values.html, which judges each printed value beside ours."""
     from glsim.eval.paper.ours_beside_printed import write_values
 
     if not folder.is_dir():

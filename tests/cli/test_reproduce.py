@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from glsim.cli import main
-from glsim.eval.paper.ours_beside_printed import read_cases
+from glsim.eval.paper.ours_beside_printed import read_case
 from glsim.eval.paper.printed_values import PRINTED_NETWORKS
 from glsim.eval.paper.reproduce import load_plan
 from glsim.simulation.plan.split import PAPER_IMAGES, split_as_paper
@@ -57,11 +57,13 @@ def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[st
     for folder, protocol in ((out, "depth"), (out / "protocol_paper", "paper")):
         record = json.loads((folder / "runs" / "paper-d7-small-4" / "run.json").read_text())
         assert record["data"].get("protocol", "depth") == protocol
-    cases = {case.title: case for case in read_cases(out)}
-    assert len(cases) == 4
-    for case in cases.values():
-        assert {"Median", "zero image"} <= {*case.seeds}
-    assert {"D7", "AR D7", "D20"} <= {*cases["protocol depth, dense clean maps"].seeds}
+    for protocol in ("depth", "paper"):
+        rows = {"Median", "zero image", "D7", "AR D7", "D20"}
+        assert rows <= {*read_case(out, protocol, "dense").seeds}
+    for page in (two, (out / "paper_values.md").read_text()):
+        assert page.splitlines()[0].endswith(", tiny")
+        assert "2 trainings (seeds 4) of 1 steps" in page
+        assert "train: 1 images of 1 people" in page
 
     # The same command trains nothing again; a step without its output or record is done again.
     run = out / "runs" / "paper-d7-small-4"
@@ -69,7 +71,7 @@ def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert main(tiny(tmp_path)) == 0
     said = capsys.readouterr().err
     assert "train runs/paper-d7-small-4: complete" in said
-    assert "generate filters/as-noisy/1/data: complete" in said
+    assert "generate filters/dense/1/data: complete" in said
     assert (run / "last.pt").stat().st_mtime_ns == before
     assert (out / "paper_values.md").read_bytes() == page
     (out / "steps" / "train-runs-paper-d7-small-4.json").unlink()  # as after a kill
@@ -78,13 +80,19 @@ def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[st
     assert json.loads((run / "run.json").read_text())["steps"] == 1
 
 
-@pytest.mark.parametrize("size", ["tiny", "small", "full"])
+@pytest.mark.parametrize("size", ["tiny", "quick", "small", "full"])
 def test_shipped_plans_train_every_row_in_every_case(
-    size: str, capsys: pytest.CaptureFixture[str]
+    size: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr("glsim.train.step_cost.step_seconds", lambda recipe: 0.5)
     assert main(["paper", "reproduce", "-o", "x", "--size", size, "--plan"]) == 0
     printed = capsys.readouterr().out
-    assert len(printed.splitlines()) <= 42
+    assert len(printed.splitlines()) <= 52
+    total = printed.splitlines()[-1].split(" | ")
+    if size == "full":  # an epoch has 8,007 batches (32,029 // 4), and there are 50 of them
+        d7 = next(line for line in printed.splitlines() if "DnCNN D7" in line).split(" | ")
+        assert (d7[1:4], total[1]) == (["12", "400,350", "0.5"], "72")
+    assert float(total[4]) > float(total[7]), "an H100 is faster than half a second a step"
     trained = sum(map(int, re.findall(r"^train .*\((\d+)\): ", printed, re.MULTILINE)))
     plan = load_plan(size)
     rows = {row for row in PRINTED_NETWORKS if not row.startswith("AR ")}
@@ -92,7 +100,7 @@ def test_shipped_plans_train_every_row_in_every_case(
         recipes = plan.trainings(protocol, mask).values()
         trained -= len(recipes)
         assert {recipe.row for recipe in recipes if recipe.row} == rows
-        assert {r.size for r in recipes if r.row} == {size.replace("tiny", "small")}
+        assert {r.size for r in recipes if r.row} == {"full" if size == "full" else "small"}
         assert {recipe.data.protocol for recipe in recipes} == {protocol}
     assert trained == 0
     assert plan.data_settings("as-noisy", {}).output.clean_mask == "as-noisy"

@@ -26,7 +26,7 @@ def runs(tmp_path: Path) -> Path:
         write_run(folder / f"d7-{seed}", 0.1 + 0.02 * seed, row="D7", title="DnCNN D7", seed=seed)
         write_run(folder / f"ar-{seed}", 0.11 + 0.02 * seed, row="AR D7", seed=seed)
     write_run(folder / "d64", 0.1, row="D64", blind=True)
-    write_run(folder / "unet", 0.2, row="UNet", size="full", state="interrupted")
+    write_run(folder / "unet", 0.2, row="UNet", size="full", state="interrupted", ended="steps")
     write_run(folder / "ours", 0.3, row=None, title="ours", size="own", soft=True)
     return folder
 
@@ -55,7 +55,7 @@ def test_all_tables_from_one_scoring(runs: Path, tmp_path: Path) -> None:
         for label in ("d7-0", "d7-1", "d7-2", "noisy", "median")
     }
     seeds = [means[f"d7-{seed}"] for seed in range(3)]
-    line = row_of(two, "D7", "DnCNN D7, small, seeds: 3, 1.5 min each")
+    line = row_of(two, "D7", "DnCNN D7, small, seeds: 3, 10 steps, 1.5 min each")
     assert line[2] == "36238"
     mean, spread = (float(part) for part in line[3].split(" ± "))
     assert mean == pytest.approx(statistics.fmean(seeds), rel=1e-3)

@@ -10,7 +10,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.data.reader import Dataset, open_dataset
-from glsim.eval.paper.data_note import data_note
+from glsim.eval.paper.data_note import run_note
 from glsim.eval.paper.figures import draw_figures as write
 from glsim.eval.paper.figures.solids import choose_frame, frustum_figure, rig_of, surfaces_figure
 from glsim.eval.report.figures.panels import method_panels
@@ -42,8 +42,8 @@ def data(reproduction: Path) -> Dataset:
 
 
 def test_a_note_says_whose_heads_are_shown(data: Dataset) -> None:
-    note = data_note(data)
-    assert "embedded heads (3), D3DFACS (1)" in note
+    note = run_note(data.path)
+    assert note.startswith("test: 4 images of 4 people. Faces: embedded heads (3), D3DFACS (1).")
     assert "In place of D3DFACS (1), FaceWarehouse (1)" in note or "FaceWarehouse (1)" in note
     assert "Biwi (1): embedded heads." in note
     assert "Kendrick et al." in note
@@ -100,14 +100,15 @@ def test_networks_of_a_folder_and_what_is_missing(
     }  # fmt: skip
     assert all(cv2.imread(str(path)) is not None for path in paths if path.suffix == ".png")
     assert [[title.partition("\n")[0] for title in titles] for titles in drawn] == [
-        ["noisy", "Median", "NLM", "Adaptive", "Bilateral"],
-        ["noisy", "D7", "AR D7"],
-        ["noisy", "ours, mask-aware", "ours, face"],
+        ["noisy", "Median", "NLM", "Bilateral"],
+        ["noisy", "D7"],
+        ["noisy", "ours, blind", "ours, face"],
     ]
     assert drawn[1][1] == "D7\nfull, 10 steps"
     text = (tmp_path / "paper_figures" / "captions.md").read_text()
-    assert "Missing, without a checkpoint: D20, D64, AR D20, AR D64." in text
+    assert "Missing, without a checkpoint: D20, D64." in text
     assert text.count("embedded heads") >= 5
+    assert text.count("3 trainings (seeds 0) of 10 steps, 0.075 h.") >= 5
 
 
 def test_without_data_there_is_nothing_to_draw(

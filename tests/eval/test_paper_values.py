@@ -1,16 +1,26 @@
-"""The 39 printed values beside ours: one rule, the four cases, and a page that says it."""
+"""The 39 printed values beside ours: the rules of verdicts, what chance gives, and the page."""
 
+import math
 import sys
+from collections import Counter
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from glsim.cli import main
 from glsim.core.errors import DatasetError
 from glsim.eval.metrics.scored_map import psnr_db
-from glsim.eval.paper.ours_beside_printed import printed_values, read_cases, verdict, write_values
-from glsim.eval.paper.paper_tables import PAPER_ROWS
-from glsim.eval.paper.printed_values import PRINTED_FILTERS, PRINTED_NETWORKS
+from glsim.eval.paper.ours_beside_printed import (
+    JUDGED,
+    Case,
+    printed_values,
+    read_case,
+    verdict,
+    write_values,
+)
+from glsim.eval.paper.paper_tables import PAPER_COLUMNS, PAPER_ROWS
+from glsim.eval.paper.printed_values import COPIES, PRINTED_FILTERS, PRINTED_NETWORKS, VERDICTS
 from tests.support import checkpoint_stand_in
 from tests.support.paper_scores import write_filters, write_networks, write_table
 
@@ -23,9 +33,9 @@ def stand_in(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def judged(folder: Path) -> dict[tuple[str, str], str]:
-    cases = read_cases(folder)
+    case = read_case(folder, *JUDGED)
     return {
-        (row.title, metric): verdict(row.title, metric, value, cases)
+        (row.title, metric): verdict(row.title, metric, value, case)[0]
         for _, row, metric, value in printed_values()
     }
 
@@ -41,51 +51,83 @@ def test_printed_values_agree_with_each_other() -> None:
 
 
 def test_each_verdict_has_its_rule(tmp_path: Path) -> None:
-    assert set(judged(tmp_path).values()) == {"not comparable"}
+    assert {*judged(tmp_path).values()} == {"not scored", "copy", "baseline"}
     far = {name: value / 4 for name, value in PRINTED_MSE.items()}
-    worse = far | {"bilateral": far["noisy"] * 1.2, "nlm": PRINTED_MSE["nlm"] * 0.9}
-    write_filters(tmp_path, "dense", 1, "paper", worse)
-    again = {name: value * 1.01 for name, value in worse.items()}
-    write_filters(tmp_path, "dense", 2, "paper", again | {"nlm": PRINTED_MSE["nlm"] * 1.1})
+    far |= {"bilateral": far["noisy"] * 1.2, "nlm": PRINTED_MSE["nlm"]}
+    for seed, factor in enumerate((1.0, 1.01, 0.99), 1):
+        assert seed == 1 or judged(tmp_path)["Median", "mse_mm2"] == "too few seeds"
+        mse = {name: value * factor for name, value in far.items()}
+        mse["median"] *= 1 + 0.001 * factor
+        write_filters(tmp_path, "dense", seed, "paper", mse)
     found = judged(tmp_path)
-    assert found["NLM", "mse_mm2"] == "inside the seeds' spread"
-    assert found["Median", "mse_mm2"] == found["Adaptive", "mse_mm2"] == "same order"
-    assert found["Bilateral", "mse_mm2"] == "other order"
-    assert found["Baseline", "mse_mm2"] == found["Restormer", "mse_mm2"] == "not comparable"
-    # One case in which the order holds is enough; seeds that disagree have none.
-    write_filters(tmp_path, "as-noisy", 1, "depth", far)
-    assert judged(tmp_path)["Bilateral", "mse_mm2"] == "same order"
-    write_filters(tmp_path, "as-noisy", 2, "depth", far | {"bilateral": far["noisy"] * 2})
-    assert judged(tmp_path)["Bilateral", "mse_mm2"] == "other order"
+    assert found["NLM", "mse_mm2"] == "inside the spread"
+    assert found["Median", "mse_mm2"] == "same side"
+    assert found["Median", "ssim_16bit"] == "not told apart", "printed equal to the noisy input"
+    assert found["Bilateral", "mse_mm2"] == "other side"
+    # Printed: an error of 1 - SSIM of 116 times the noisy input's; ours is 3.3 times.
+    assert found["NLM", "ssim_16bit"] == "other size"
+    assert {found[row, "mse_mm2"] for row in COPIES} == {"copy"}
+    assert found["Baseline", "mse_mm2"] == "baseline"
+    d20 = [1800.0, 1900.0, 1950.0]
+    write_networks(tmp_path, 1000.0, {"D7": [900.0, 1100.0, 1020.0], "D20": d20})
+    write_networks(tmp_path / "steps", 1000.0, {"D20": d20}, ended="steps")
+    assert judged(tmp_path)["D7", "mse_mm2"] == "not told apart"
+    assert judged(tmp_path)["D20", "mse_mm2"] == "other size"
+    assert judged(tmp_path / "steps")["D20", "mse_mm2"] == "not trained"
+    assert {*VERDICTS} >= {*found.values()}
 
 
-def test_the_page_has_every_value_in_every_case(
+def test_scores_without_relation_get_no_more_than_chance() -> None:
+    """Random scores in the printed range: the page's expectation holds, and few are inside."""
+    rng, counts, expected, runs = np.random.default_rng(3), Counter[str](), 0.0, 60
+    for _ in range(runs):
+        case = Case()
+        for row in {row.title for _, row, _, _ in printed_values()}:
+            middle, spread = np.exp(rng.uniform(np.log(1147), np.log(80018))), 0.02
+            mse = middle * np.exp(spread * rng.standard_normal(3))
+            case.seeds[row] = [
+                (dict(zip(PAPER_COLUMNS, (v, psnr_db(v), 0.9), strict=True)),
+                 dict(zip(PAPER_COLUMNS, (9600.0, psnr_db(9600.0), 0.9), strict=True)))
+                for v in mse.tolist()
+            ]  # fmt: skip
+        for _, row, metric, printed in printed_values():
+            found, chance = verdict(row.title, metric, printed, case)
+            if metric == "mse_mm2":
+                counts[found] += 1
+                expected += chance
+    assert counts["inside the spread"] == pytest.approx(expected, abs=4 * math.sqrt(expected))
+    assert counts["inside the spread"] < 0.1 * runs * 8
+    assert counts["same side"] < 0.6 * (counts["same side"] + counts["other side"])
+
+
+def test_the_page_has_every_value_and_what_chance_gives(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for seed, factor in ((1, 0.9), (2, 1.1)):
+    for seed, factor in ((1, 0.9), (2, 1.1), (3, 1.0)):
         mse = {name: value * factor for name, value in PRINTED_MSE.items()}
         write_filters(tmp_path, "dense", seed, "paper", mse)
     write_table(tmp_path / "filters/dense/1/paper/baselines.csv", {"zero image": 2650.0})
-    write_networks(tmp_path, "dense", "depth", 1000.0, {"D7": 700.0, "UNet": 1500.0}, "small")
-    write_networks(tmp_path, "as-noisy", "paper", 100.0, {"D7": 130.0}, "full")
+    write_networks(tmp_path, 1000.0, {"D7": [700.0], "UNet": [1500.0]}, ended="steps")
     assert main(["paper", "values", str(tmp_path)]) == 0
     page = (tmp_path / "paper_values.md").read_text()
     lines = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| ")]
-    rows = {tuple(cells[1:3]): cells for cells in lines if len(cells) == 9}
+    rows = {tuple(cells[1:3]): cells for cells in lines if len(cells) == 6}
     assert len([1 for cells in rows.values() if cells[0] in "123"]) == 39
-    spread = 0.2 * PRINTED_MSE["median"] / 2**0.5
-    assert rows["Median", "MSE"][3:] == [
-        *("1361", "-", "-", f"1361 ± {spread:.0f}" if spread >= 1000 else f"1361 ± {spread:.1f}"),
-        *("-", "**inside the seeds' spread**"),
-    ]
-    assert rows["UNet (small)", "MSE"][4:] == ["1500", "-", "-", "-", "**same order**"]
-    for row, printed in (("D7", "36238"), ("AR D7", "33702")):  # the same network
-        cells = rows[f"{row} (full, small)", "MSE"]
-        assert cells[3:] == [printed, "700.0", "-", "-", "130.0", "**same order**"]
-    assert rows["zero image", "MSE"][6] == "2650"
+    assert rows["Median", "MSE"][3:] == ["1361", "1361 ± 136.1", "**inside the spread**"]
+    training = "small, seeds: 1, 10 steps, 1.5 min each, still falling"
+    assert rows[f"UNet ({training})", "MSE"][4:] == ["1500", "**not trained**"]
+    assert rows["AR D7", "MSE"][4:] == ["700.0", "**copy of D7**"]
+    assert rows["zero image", "MSE"][4] == "2650"
+    inside = next(cells for cells in lines if cells[0] == "inside the spread")
+    assert int(inside[1]) > float(inside[2]) > 0
     assert (tmp_path / "paper_values.html").read_text().count("<td><b>") == 39
     assert main(["paper", "values", str(tmp_path / "none")]) == 2
     assert "no such folder: run glsim paper reproduce" in capsys.readouterr().err
+
+
+def test_table_1_is_scored_without_sets_of_its_own(tmp_path: Path) -> None:
+    write_table(tmp_path / "protocol_paper" / "table.csv", {**PRINTED_MSE})
+    assert judged(tmp_path)["Median", "mse_mm2"] == "too few seeds"
 
 
 def test_another_table_is_refused(tmp_path: Path) -> None:

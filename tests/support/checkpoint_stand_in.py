@@ -57,6 +57,7 @@ def write_run(
     size: str = "small",
     seed: int = 0,
     state: str = "finished",
+    ended: str = "patience",
     **more: Any,
 ) -> None:
     """Write the files of a run of ``glsim train`` from which tables are made."""
@@ -65,5 +66,12 @@ def write_run(
     recipe = {"title": title or row, "row": row, "size": size, "seed": seed}
     recipe["description"] = "narrower" if size == "small" else ""
     (folder / "recipe.json").write_text(json.dumps(recipe))
-    run = {"state": state, "seconds": 90.0, "steps": 10, "epochs": 1, "parameters": 185857}
+    run = {
+        "state": state,
+        "ended": ended,
+        "seconds": 90.0,
+        "steps": 10,
+        "epochs": 1,
+        "parameters": 185857,
+    }
     (folder / "run.json").write_text(json.dumps(run))

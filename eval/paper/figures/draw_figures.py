@@ -12,53 +12,41 @@ import numpy as np
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
+from glsim.core.units import add_offset, subtract_offset
 from glsim.data.reader import Dataset, open_dataset
 from glsim.denoise.registry import load_denoiser
-from glsim.eval.paper.data_note import data_note, source_name
+from glsim.eval.paper.data_note import plan_size, run_note, source_name
 from glsim.eval.paper.figures.solids import choose_frame, frustum_figure, rig_of, surfaces_figure
-from glsim.eval.paper.paper_tables import with_twins
+from glsim.eval.paper.ours_beside_printed import JUDGED, case_folder
 from glsim.eval.paper.printed_values import PRINTED_FILTERS
 from glsim.eval.report.document import CaptionedPng, Document, html_page
 from glsim.eval.report.figures.panels import PanelRow, method_panels
 from glsim.eval.report.figures.style import to_png
 from glsim.eval.scoring.trained_networks import SeedGroup, find_trained_runs, group_by_network
+from glsim.settings.toml_tables import read_toml
 
 FOLDER: Final = "paper_figures"
 #: Title of a column -> specification of its denoiser for ``glsim.load_denoiser``.
 _Columns = dict[str, str]
 _NOISY: Final[_Columns] = {"noisy\nBaseline": "noisy"}
-#: The filters of figure 2, in the order of the paper's table 1.
-_FILTERS: Final = ("median", "nlm", "adaptive", "bilateral")
-#: Name of a figure of networks -> (rows of the paper's tables, kinds of panels, caption).
-_NETWORKS: Final[dict[str, tuple[tuple[str, ...], tuple[PanelRow, ...], str]]] = {
-    "figure_4": (
-        ("Restormer", "UNet"),
-        ("depth", "error", "side"),
-        "Restormer and UNet: depth, error, and the surface seen from 30 degrees aside.",
-    ),
-    "figure_5": (
-        ("D7", "D20", "D64", "AR D7", "AR D20", "AR D64"),
-        ("depth", "error", "normals"),
-        "DnCNN with 7, 20 and 64 layers, without and with artefact removal (AR), where a row with "
-        "AR is its partner's network: depth, error, and normal maps.",
-    ),
-}
-#: Networks of figure 6: the paper's, by its table row, and ours, by the name of its file.
-_THEIRS, _SHIPPED = "D20", "face"
+_FIGURES: Final[dict[str, dict[str, Any]]] = read_toml(Path(__file__).with_name("figures.toml"))
 
 
 def write_paper_figures(
     reproduction: Path, drawing: Callable[[str], None] = lambda _: None
 ) -> list[Path]:
-    """Draw the figures from REPRODUCTION/data and REPRODUCTION/runs; return the written files.
+    """Draw the figures from REPRODUCTION/data and its networks; return the written files.
 
     Writes REPRODUCTION/paper_figures/figure_1.png to figure_6.png, captions.md, and
-    paper_figures.html with all of them. The folder's networks are drawn, of any size. Captions name
-    missing networks; a figure without any is left out. ``drawing`` gets the name of each figure.
+    paper_figures.html with all of them. Networks are those of the judged case, else those of
+    REPRODUCTION/runs, of any size. Captions name missing networks; a figure without any is left
+    out. ``drawing`` gets the name of each figure.
 
     Raises ConfigError without a data set, DatasetError, DenoiserError; GlsimError: no Matplotlib.
     """
-    data, runs = reproduction / "data", reproduction / "runs"
+    data, runs = reproduction / "data", case_folder(reproduction, *JUDGED) / "runs"
+    if not any(runs.glob("*/best.pt")):
+        runs = reproduction / "runs"
     if not data.is_dir():
         raise ConfigError(
             f"{reproduction}: has no data/ to draw: run glsim paper reproduce -o {reproduction} "
@@ -66,15 +54,16 @@ def write_paper_figures(
         )
     dataset = open_dataset(data)
     trained = find_trained_runs(runs).runs if any(runs.glob("*/best.pt")) else []
-    groups = with_twins(group_by_network(trained))
-    note = data_note(dataset)
+    groups, note = group_by_network(trained), run_note(data, trained)
     pictures = []
-    for name, (caption, draw) in _figures(dataset, groups, note).items():
+    is_moved = runs.parent != reproduction  # both maps of a frame, as its networks need them
+    for name, (caption, draw) in _figures(dataset, groups, note, is_moved).items():
         drawing(name)
         pictures.append(CaptionedPng(name, f"{caption} {note}", to_png(draw())))
     out = reproduction / FOLDER
     lines = [f"**{p.name}.png**: {p.caption}" for p in pictures]
-    captions = Document("Figures after Kendrick, Yap and Tan", [lines])
+    title = f"Figures after Kendrick, Yap and Tan{plan_size(reproduction)}"
+    captions = Document(title, [lines])
     files = {f"{p.name}.png": p.png for p in pictures}
     files["captions.md"] = captions.markdown().encode()
     files["paper_figures.html"] = html_page(captions.title, [], pictures).encode()
@@ -84,50 +73,31 @@ def write_paper_figures(
 
 
 def _figures(
-    dataset: Dataset, groups: Sequence[SeedGroup], note: str
+    dataset: Dataset, groups: Sequence[SeedGroup], note: str, is_moved: bool
 ) -> dict[str, tuple[str, Callable[[], Any]]]:
     """Return the figures, not yet drawn: name -> (caption, drawing function)."""
     example = choose_frame(dataset)
+    drawn = choose_frame(dataset, is_moved=is_moved)
     scan = choose_frame(dataset, "facewarehouse")
-    figures: dict[str, tuple[str, Callable[[], Any]]] = {
-        "figure_1": (
-            "The viewing frustum of the sensor with the head in it, camera and projector; right, "
-            "what the camera sees of the head, and where the projector's light does not reach.",
-            lambda: frustum_figure(example, rig_of(dataset), note),
-        ),
-        "figure_2": (
-            "The paper's filters beside the truth: depth, error, and the surface seen from 30 "
-            "degrees aside. Adaptive is a filter over time, on single frames the identity.",
-            lambda: _panels(
-                example,
-                {PRINTED_FILTERS[name].title: name for name in _FILTERS},
-                ("depth", "error", "side"),
-                note,
-            ),
-        ),
-        "figure_3": (
-            f"A depth map in 3D, left clean, right noisy: {source_name(scan.record['source'])}.",
-            lambda: surfaces_figure(scan, note),
-        ),
+    draw: dict[str, Callable[[], Any]] = {
+        "figure_1": lambda: frustum_figure(example, rig_of(dataset), note),
+        "figure_3": lambda: surfaces_figure(scan, note),
     }
-    for name, (rows, kinds, caption) in _NETWORKS.items():
-        columns = _network_columns(groups, rows)
-        missing = [row for row in rows if row not in {group.row for group in groups}]
+    captions = {name: figure["caption"] for name, figure in _FIGURES.items()}
+    captions["figure_3"] += f" Face: {source_name(scan.record['source'])}."
+    for name, figure in _FIGURES.items():
+        rows, shipped = figure.get("rows", ()), figure.get("shipped")
+        columns = {PRINTED_FILTERS[name].title: name for name in figure.get("filters", ())}
+        columns |= _network_columns(groups, rows)
+        if missing := [row for row in rows if row not in {group.row for group in groups}]:
+            captions[name] += f" Missing, without a checkpoint: {', '.join(missing)}."
+        if shipped:
+            others = [(g.title.rpartition(", ")[2], g.members[0]) for g in groups if not g.row]
+            columns |= {f"ours, {w}\n{run.steps:,} steps": run.spec for w, run in others}
+            columns[f"ours, {shipped}\nshipped"] = shipped
         if columns:
-            lacks = f" Missing, without a checkpoint: {', '.join(missing)}." if missing else ""
-            draw = partial(_panels, example, columns, kinds, note)
-            figures[name] = (caption + lacks, draw)
-    others = [(g.title.rpartition(", ")[2], g.members[0]) for g in groups if not g.row]
-    ours = {f"ours, mask-aware\n{w}, {run.steps:,} steps": run.spec for w, run in others}
-    shipped = {f"ours, {_SHIPPED}\nshipped": _SHIPPED}
-    beside = _network_columns(groups, (_THEIRS,)) | ours | shipped
-    figures["figure_6"] = (
-        f"Ours in the place of theirs. The shipped network `{_SHIPPED}` is trained on other "
-        "sensors and heads; the mask-aware networks are trained on the pairs of this data set, "
-        f"like {_THEIRS}.",
-        lambda: _panels(example, beside, ("depth", "error", "side", "normals"), note),
-    )
-    return figures
+            draw[name] = partial(_panels, drawn, columns, figure["panels"], note)
+    return {name: (captions[name], draw[name]) for name in sorted(draw)}
 
 
 def _network_columns(groups: Sequence[SeedGroup], rows: Sequence[str]) -> _Columns:
@@ -143,8 +113,10 @@ def _network_columns(groups: Sequence[SeedGroup], rows: Sequence[str]) -> _Colum
 
 def _panels(frame: DepthFrame, columns: _Columns, rows: Sequence[PanelRow], note: str) -> Any:
     """Draw the frame as denoised by each method; networks use the default composite."""
-    maps = {
-        title: load_denoiser(spec)(frame.noisy_mm).depth_mm.astype(np.float32)
-        for title, spec in (_NOISY | columns).items()
-    }
+    maps = {}
+    for title, spec in (_NOISY | columns).items():
+        denoiser = load_denoiser(spec)
+        offset_mm = frame.offset_mm if denoiser.protocol == "depth" else 0.0
+        depth_mm = denoiser(add_offset(frame.noisy_mm, offset_mm)).depth_mm
+        maps[title] = subtract_offset(depth_mm, offset_mm).astype(np.float32)
     return method_panels(frame, maps, rows, note)

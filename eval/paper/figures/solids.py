@@ -16,6 +16,7 @@ from glsim.core.depth_map import lit_by_marching, normals, surface
 from glsim.core.errors import DatasetError
 from glsim.core.units import MM_PER_M, to_metres
 from glsim.data.reader import Dataset
+from glsim.denoise.frames import moved_frames
 from glsim.eval.report.figures.side_view import STEEPEST_DEG
 from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
 from glsim.sensors.sensor import sensor_of
@@ -36,17 +37,19 @@ _RAYS: Final = 9
 _MARGIN_MM: Final = 15.0
 
 
-def choose_frame(dataset: Dataset, kind: str | None = None) -> DepthFrame:
+def choose_frame(dataset: Dataset, kind: str | None = None, is_moved: bool = False) -> DepthFrame:
     """Return the middle frame of the test split, from the given kind of face source if possible.
 
-    Raises DatasetError for a data set without test frames or clean maps.
+    With ``is_moved``, its nearest point is at 1 mm. Raises DatasetError for a data set without test
+    frames or clean maps.
     """
     split = dataset.split("test")
     if not len(split):
         raise DatasetError(f"{dataset.path}: has no test frames to draw")
     numbers = [n for n, pair in enumerate(split) if pair.record["source"] == kind]
     chosen = numbers or range(len(split))
-    return split[chosen[len(chosen) // 2]]
+    number = chosen[len(chosen) // 2]
+    return moved_frames(split).load(number) if is_moved else split[number]
 
 
 def rig_of(dataset: Dataset) -> SensorRig:

@@ -1,0 +1,54 @@
+"""Hours of a plan's trainings: timed on this machine, and estimated for GPUs."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Final
+
+from glsim.core.errors import training_needs_torch
+from glsim.eval.report.document import TextTable
+from glsim.eval.report.score_tables import format_number
+from glsim.settings.toml_tables import read_toml
+from glsim.simulation.plan.split import PAPER_IMAGES
+from glsim.train.recipe import Recipe
+
+#: GPU -> 1e12 operations per second by its data sheet.
+_GPUS: Final = read_toml(Path(__file__).with_name("gpu_rates.toml"))
+#: Share of that rate that a training reaches. Chosen: small convolutions wait for memory.
+_REACHED: Final = 0.3
+
+
+def plan_hours(recipes: Iterable[Recipe], split: object, images: int) -> TextTable:
+    """Return a row per network with its steps and hours at most, and the sums.
+
+    Raises TrainError without PyTorch.
+
+    Args:
+        recipes: all trainings.
+        split, images: of their data set.
+    """
+    try:
+        from glsim.train.step_cost import step_flop, step_seconds
+    except ImportError as error:
+        raise training_needs_torch(error) from None
+    share = split[0] if isinstance(split, tuple) else PAPER_IMAGES[0] / sum(PAPER_IMAGES)
+    trainings = Counter(recipe.title for recipe in recipes)
+    total = [0.0] * (1 + len(_GPUS))
+    rows = []
+    for title, recipe in {recipe.title: recipe for recipe in recipes}.items():
+        limits, of_epochs = recipe.training, float("inf")
+        if limits.max_epochs:
+            of_epochs = limits.max_epochs * (images * share // limits.batch)
+        steps = min(limits.max_steps or of_epochs, of_epochs)
+        times = trainings[title] * steps / 3600
+        seconds, flop = step_seconds(recipe), step_flop(recipe)
+        hours = [times * seconds]
+        hours += [times * flop / (_REACHED * 1e12 * rate) for rate in _GPUS.values()]
+        total = [sum(pair) for pair in zip(total, hours, strict=True)]
+        cells = [f"{steps:,.0f}", f"{seconds:.3g}", *map(format_number, hours)]
+        rows.append([title, str(trainings[title]), *cells])
+    rows.append(["all", str(trainings.total()), "", "", *map(format_number, total)])
+    head = ["training", "runs", "steps at most", "s a step here", "hours here"]
+    return TextTable([*head, *(f"hours on a {gpu}" for gpu in _GPUS)], rows)
