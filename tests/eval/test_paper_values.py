@@ -82,10 +82,10 @@ def test_scores_without_relation_get_no_more_than_chance() -> None:
     rng, counts, expected, runs = np.random.default_rng(3), Counter[str](), 0.0, 60
     for _ in range(runs):
         case = Case()
-        for row in {row.title for _, row, _, _ in printed_values()}:
+        for title in {row.title for _, row, _, _ in printed_values()}:
             middle, spread = np.exp(rng.uniform(np.log(1147), np.log(80018))), 0.02
             mse = middle * np.exp(spread * rng.standard_normal(3))
-            case.seeds[row] = [
+            case.seeds[title] = [
                 (dict(zip(PAPER_COLUMNS, (v, psnr_db(v), 0.9), strict=True)),
                  dict(zip(PAPER_COLUMNS, (9600.0, psnr_db(9600.0), 0.9), strict=True)))
                 for v in mse.tolist()
