@@ -32,20 +32,12 @@ DIFFERENCE_MM = 20.0
 
 #: BGR colour per reason: greys and greens for pixels with depth, saturated colours for holes.
 _REASON_COLOURS = {
-    Reason.VALID: (150, 150, 150),
-    Reason.NO_SURFACE: _BACKGROUND,
-    Reason.SHADOW: (200, 60, 40),
-    Reason.OUT_OF_RANGE: (180, 40, 160),
-    Reason.LOW_SIGNAL: (30, 30, 200),
-    Reason.EDGE: (30, 140, 240),
-    Reason.DROPPED: (60, 60, 120),
-    Reason.WINDOW: (40, 210, 240),
-    Reason.MOVED: (120, 200, 60),
-    Reason.GROWN: (200, 220, 90),
-    Reason.SATURATED: (240, 240, 240),
-    Reason.UNWRAP: (220, 120, 220),
-    Reason.MIXED: (90, 120, 250),
-}
+    Reason.VALID: (150, 150, 150), Reason.NO_SURFACE: _BACKGROUND, Reason.SHADOW: (200, 60, 40),
+    Reason.OUT_OF_RANGE: (180, 40, 160), Reason.LOW_SIGNAL: (30, 30, 200),
+    Reason.EDGE: (30, 140, 240), Reason.DROPPED: (60, 60, 120), Reason.WINDOW: (40, 210, 240),
+    Reason.MOVED: (120, 200, 60), Reason.GROWN: (200, 220, 90), Reason.SATURATED: (240, 240, 240),
+    Reason.UNWRAP: (220, 120, 220), Reason.MIXED: (90, 120, 250),
+}  # fmt: skip
 
 
 def shaded(depth_m: NDArray[np.float32], intrinsics: Intrinsics) -> Picture:
@@ -62,7 +54,7 @@ def difference(clean_m: NDArray[np.float32], noisy_m: NDArray[np.float32]) -> Pi
     white, near, far = (np.array(c, float) for c in ((245, 245, 245), (190, 80, 30), (40, 40, 190)))
     colour = white + np.where(share < 0, -share * (near - white), share * (far - white))
     colour[(clean_m <= 0) | (noisy_m <= 0)] = _BACKGROUND
-    return colour.astype(np.uint8)
+    return np.asarray(colour, np.uint8)
 
 
 def reasons(codes: NDArray[np.uint8]) -> Picture:

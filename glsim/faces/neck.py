@@ -47,18 +47,12 @@ NECK_MM = 72.0  # height over which the share falls from 1 to 0; the clavicles s
 #: Human Movement Science 2, 1983). Amplitudes are drawn between a third of the largest and the
 #: largest, since some people keep still.
 WAVES: Final = (
-    ("x_mm", 3.0, 0.25, 0.5),
-    ("x_mm", 1.0, 0.5, 1.1),
-    ("y_mm", 0.8, 0.2, 0.6),
-    ("distance_mm", 4.0, 0.22, 0.45),
-    ("distance_mm", 1.2, 0.5, 1.0),
-    ("yaw_deg", 6.0, 0.1, 0.35),
-    ("yaw_deg", 1.5, 0.4, 1.0),
-    ("pitch_deg", 2.5, 0.1, 0.35),
-    ("pitch_deg", 3.0, 0.7, 1.5),
-    ("roll_deg", 2.0, 0.1, 0.4),
-    ("roll_deg", 0.6, 0.5, 1.2),
-)
+    ("x_mm", 3.0, 0.25, 0.5), ("x_mm", 1.0, 0.5, 1.1), ("y_mm", 0.8, 0.2, 0.6),
+    ("distance_mm", 4.0, 0.22, 0.45), ("distance_mm", 1.2, 0.5, 1.0),
+    ("yaw_deg", 6.0, 0.1, 0.35), ("yaw_deg", 1.5, 0.4, 1.0),
+    ("pitch_deg", 2.5, 0.1, 0.35), ("pitch_deg", 3.0, 0.7, 1.5),
+    ("roll_deg", 2.0, 0.1, 0.4), ("roll_deg", 0.6, 0.5, 1.2),
+)  # fmt: skip
 _LEAST_SHARE: Final = 1 / 3
 
 

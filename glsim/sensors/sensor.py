@@ -288,7 +288,8 @@ def _name(stage: dict[str, Any], file: Path) -> str:
 def sensor_of(settings: Settings, changes: Sequence[StageChange] = ()) -> Sensor:
     """Load the sensor named in the settings, with their changes to its rig and its stages."""
     place = partial(place_of, settings)
-    return load_sensor(settings.sensor, settings.stage, settings.rig, place, changes)
+    daylight = settings.scene.daylight
+    return load_sensor(settings.sensor, settings.stage, settings.rig, place, changes, daylight)
 
 
 def sensor_code(settings: Settings) -> list[str]:
@@ -309,6 +310,7 @@ def load_sensor(
     rig_overrides: Mapping[str, Any] | None = None,
     place: _Place = lambda *_: "the overrides",
     changes: Sequence[StageChange] = (),
+    daylight: Distribution | None = None,
 ) -> Sensor:
     """Load a sensor by the name of a shipped sensor or plug-in, or the path of a sensor file.
 
@@ -318,6 +320,7 @@ def load_sensor(
         place: a function from an override's path, ("rig", key) or ("stage", name, parameter), to
             its place in messages.
         changes: stages with other code than in the file, and new stages.
+        daylight: the parameter ``daylight`` of the stage that has one.
 
     Raises:
         ConfigError: an unknown sensor, key, stage or parameter, or a value out of range.
@@ -331,11 +334,13 @@ def load_sensor(
     overrides = dict(overrides or {})
     changed = {change.name: change for change in changes}
     stages = [
-        _stage(entry, f"{file}: stage {number}", file.parent, overrides, place, changed)
+        _stage(entry, f"{file}: stage {number}", file.parent, overrides, place, changed, daylight)
         for number, entry in enumerate(table.stage, start=1)
     ]
     for change in changed.values():
         _insert(stages, change, overrides, place)
+    if daylight and not any("daylight" in stage.spec.parameters for stage in stages):
+        raise ConfigError(f"scene.daylight: no stage of sensor {table.title!r} knows daylight")
     names = [stage.name for stage in stages]
     for stage_name in names:
         if names.count(stage_name) > 1:
@@ -415,6 +420,7 @@ def _stage(
     overrides: Mapping[str, Mapping[str, Distribution]],
     place: _Place,
     changed: dict[str, StageChange],
+    daylight: Distribution | None,
 ) -> Stage:
     """Make the stage of a [[stage]] table; if ``changed`` has a change of it, remove that."""
     settings = dict(entry)
@@ -429,7 +435,7 @@ def _stage(
     if name in changed:
         spec = changed.pop(name).spec
         settings = {k: v for k, v in settings.items() if k in {ENABLED, *spec.parameters}}
-    parameters = {}
+    parameters = {"daylight": daylight} if daylight and "daylight" in spec.parameters else {}
     for key, value in settings.items():
         try:
             parameters[key] = _DISTRIBUTION.validate_python(value)

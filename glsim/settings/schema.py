@@ -71,14 +71,9 @@ FARTHEST_MM = DEPTH_UNIT_MM[1] * 65_535
 """Largest depth of 16-bit files, mm, with the coarsest step."""
 _TURN = (-360.0, 360.0)
 POSE_LIMITS = {
-    "distance_mm": (50.0, FARTHEST_MM),
-    "x_mm": (-20_000.0, 20_000.0),
-    "y_mm": (-20_000.0, 20_000.0),
-    "yaw_deg": _TURN,
-    "pitch_deg": _TURN,
-    "roll_deg": _TURN,
-    "motion": (0.0, 5.0),
-}
+    "distance_mm": (50.0, FARTHEST_MM), "x_mm": (-2e4, 2e4), "y_mm": (-2e4, 2e4),
+    "yaw_deg": _TURN, "pitch_deg": _TURN, "roll_deg": _TURN, "motion": (0.0, 5.0),
+}  # fmt: skip
 """Limits of the numbers in [pose]: a head is 50 mm deep before its centre, and files of 16 bits end
 at the largest distance; the others are chosen, motion for turns of 30 degrees in a sequence."""
 VARIATION_LIMITS = {"shape_mm": (0.0, 6.0), "albedo": (0.0, 2.0)}
@@ -87,17 +82,11 @@ VARIATION_LIMITS = {"shape_mm": (0.0, 6.0), "albedo": (0.0, 2.0)}
 
 #: Limits of a room's numbers, chosen to fit homes and offices.
 SCENE_LIMITS = {
-    "wall_mm": POSE_LIMITS["distance_mm"],
-    "behind_mm": (400, 8000),
-    "width_mm": (1500, 10_000),
-    "height_mm": (2000, 5000),
-    "turn_deg": (-180, 180),
-    "eye_mm": (300, 2300),
-    "camera_mm": (100, 2400),
-    "clutter": (0, 1),
-    "people": (0, 6),
-    "albedo": (0.1, 1.5),
-}
+    "wall_mm": POSE_LIMITS["distance_mm"], "behind_mm": (400, 8000), "width_mm": (1500, 10_000),
+    "height_mm": (2000, 5000), "turn_deg": (-180, 180), "eye_mm": (300, 2300),
+    "camera_mm": (100, 2400), "clutter": (0, 1), "people": (0, 6), "albedo": (0.1, 1.5),
+    "daylight": (0, 2),
+}  # fmt: skip
 
 
 def _number(default: float | tuple[float, float], description: str) -> Any:
@@ -222,6 +211,9 @@ class SceneSettings(TomlTable):
     clutter: NumberSetting = _number(0.6, "amount of furniture, 0 to 1")
     people: NumberSetting = _number(0.0, "other people behind, for sources of whole bodies")
     albedo: NumberSetting = _number(1.0, "factor of all albedos of the room")
+    daylight: NumberSetting | None = Field(
+        None, description="irradiance of daylight at 850 nm, W/m^2/nm; default: none"
+    )
 
     @model_validator(mode="after")
     def _check(self) -> SceneSettings:

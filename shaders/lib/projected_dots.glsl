@@ -6,6 +6,12 @@
 
 uniform float gain_counts = 900.0;      //@ [0, 65535; 0, 2000] counts light between a dot's centre and its surroundings on white paper at 1 m, facing the projector; chosen: cameras expose automatically
 uniform float ambient_counts = 40.0;     //@ [0, 65535; 0, 400] counts light of the room on white paper that faces up; a fifth of it faces down, 3/5 upright. Chosen
+uniform float daylight = 0.0;           //@ [0, 2; 0, 1] W/m^2/nm irradiance of daylight on the scene around 850 nm; scene.daylight sets it
+// A D435's imagers have no filter. Its projector throws 150 mW into 90x63 degrees, 0.10 W/m^2 at 1 m; the sun has 0.89
+// W/m^2/nm at 850 nm, 430 W/m^2 from 400 to 700 nm, where the imager sees twice as well (chosen), and 264 W/m^2 from there to 1000 nm.
+uniform float daylight_counts = 1.6e6;  //@ [0, 1e8]   counts light on white paper that faces up for a daylight of 1 W/m^2/nm; derived: the sun's light over the projector's mean light of 126 counts
+uniform float daylight_texture = 0.5;   //@ [0, 1]     1    grain of surfaces in daylight, as texture_share: where dots drown, cameras match pores and cloth. Chosen, as for a D405
+uniform float shortest_exposure = 1.2e-4; //@ [1e-5, 1] 1   automatic exposure shortens by no more than this factor in daylight: librealsense sets 1 us, 8,500 us are usual. Firmware of 2018 stopped at 20 us, 0.0024, and owners were overexposed in the sun (librealsense issues 1070, 2875)
 uniform float flood = 0.1;              //@ [0, 1]      1    the projector's light between its dots over that at a dot's centre; with the ambient light it makes the contrast of 0.5 that a real D435's dots have on cardboard
 uniform float dot_spacing_mrad = 23.9;  //@ [2, 200]    mrad distance of dots, tangent of the angle times 1000; measured on a D435's infrared image: 9.7 dots per 1000 px at f = 424 px
 uniform float dot_sigma_mrad = 2.0;     //@ [0.3, 20]   mrad size of a dot, standard deviation; with the imager's blur 1.2 px, as measured on the same image
@@ -18,6 +24,7 @@ uniform float texture_mm = 1.5;         //@ [0.1, 100; 0.5, 10] mm size of a gra
 
 uniform uint u_device_seed;
 uniform uint u_sequence_seed;
+uniform float u_subject_m;
 uniform vec3 u_emitter_1_m;
 uniform vec3 u_emitter_2_m;
 
@@ -84,8 +91,10 @@ float projected(vec3 point, vec3 normal, vec3 emitter, float lit, uint key) {
 }
 
 // Grain of the surface at a point, -1 to 1: random values at the corners of cubes, interpolated.
+// In daylight the size doubles from distance to distance, 0.5, 1, 2 m: natural surfaces have texture of all sizes.
 float grain(vec3 point) {
-    vec3 place = point * 1000.0 / texture_mm;
+    float size_mm = daylight > 0.0 ? texture_mm * exp2(floor(log2(max(2.0 * point.z, 1.0)))) : texture_mm;
+    vec3 place = point * 1000.0 / size_mm;
     ivec3 cell = ivec3(floor(place));
     vec3 part = place - vec3(cell);
     float sum = 0.0;
@@ -107,6 +116,13 @@ float imaged_light(float depth, vec4 shape, vec2 lit, vec3 point) {
     float light = lit.x > 0.0 ? projected(point, shape.xyz, u_emitter_1_m, lit.x, key) : 0.0;
     if (lit.y > 0.0) light += projected(point, shape.xyz, u_emitter_2_m, lit.y, key + 1u);
     float albedo = shape.w;
-    if (texture_share > 0.0) albedo *= 1.0 + texture_share * grain(point);
-    return albedo * (gain_counts * light + ambient_counts * (0.6 - 0.4 * shape.y));
+    float share = daylight > 0.0 ? max(texture_share, daylight_texture) : texture_share;
+    if (share > 0.0) albedo *= 1.0 + share * grain(point);
+    float sky = ambient_counts + daylight * daylight_counts;
+    // Automatic exposure (lib/imager_exposure.glsl) lengthens with the face's distance; it heeds daylight too.
+    float longer = min(u_subject_m * u_subject_m, 4.0);
+    float size = dot_sigma_mrad / dot_spacing_mrad;
+    float usual = gain_counts * (flood + (1.0 - flood) * 6.2831853 * size * size) + 0.6 * ambient_counts;
+    float shorter = daylight > 0.0 ? max(usual / (usual + longer * 0.6 * daylight * daylight_counts), shortest_exposure / longer) : 1.0;
+    return shorter * albedo * (gain_counts * light + sky * (0.6 - 0.4 * shape.y));
 }

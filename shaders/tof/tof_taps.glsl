@@ -25,6 +25,10 @@ uniform float haze = 0.02;              //@ [0, 0.2]   1   share of the light sc
 uniform float read_variance = 16.5;     //@ [0, 1e4]   LSB^2 variance of a tap without light; measured, see above
 uniform float shot_variance = 0.0166;   //@ [0, 10]    LSB  variance of a tap for one LSB of light; chosen: the law above within 5 %
 uniform float ambient_lsb = 0.0;        //@ [0, 1e5]   LSB ambient light: it cancels, except for its noise
+uniform float daylight = 0.0;           //@ [0, 2; 0, 1] W/m^2/nm irradiance of daylight on the scene around 850 nm; scene.daylight sets it
+// Daylight is the same in all taps and cancels; its noise stays, and the shorter the pixels' shutters, the less light
+// of the camera is left: relative noise grows with daylight. Fankhauser et al. (ICAR 2015) measured 32 mm at 1 m in direct sun.
+uniform float daylight_lsb = 650.0;     //@ [0, 1e5]   LSB standard deviation of a tap for a daylight of 1 W/m^2/nm; derived: 1132 / infrared mm per LSB, a target of albedo 0.7 and a sun of 0.97 W/m^2/nm
 uniform float saturation_lsb = 3600.0;  //@ [1, 16320] LSB taps beyond this saturate; measured: paper facing the camera is lost to 57 % and 87 % at 0.64 m, to 0 and 2 % at 0.73 to 0.78 m
 uniform bool companding = true;         //@            1   whether taps are rounded to 11 bits
 uniform bool dead_border = true;        //@            1   whether the first and last columns are not read out
@@ -94,7 +98,8 @@ void main() {
     bool dead = dead_border && (pixel.x == 0 || pixel.x == int(u_frame_size_px.x) - 1);
     vec3 light_real = vec3(a.xz, b.x) / CONTRAST_MULTIPLIER;
     vec3 light_imaginary = vec3(a.yw, b.y) / CONTRAST_MULTIPLIER;
-    vec3 sigma = sqrt(read_variance + shot_variance * (b.z / CONTRAST_MULTIPLIER + ambient_lsb));
+    vec3 sigma = sqrt(read_variance + shot_variance * (b.z / CONTRAST_MULTIPLIER + ambient_lsb)
+        + (daylight * daylight_lsb) * (daylight * daylight_lsb));
     vec3 noise[3]; // of each tap at the three frequencies
     for (int frequency = 0; frequency < 3; frequency++) {
         uvec4 bits = random_bits(pixel, u_seed, uint(frequency));

@@ -70,7 +70,7 @@ def test_the_command_prints_and_draws(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "found" not in printed.split("axes +x+y+z")[1].splitlines()[0]
     assert "no problems" in printed
     picture = cv2.imread(str(out))
-    assert picture.shape == (40 + 2 * 240, 4 * 240, 3)
+    assert picture.shape == (40 + 2 * 260, 4 * 240, 3)  # names above the pictures
     mesh = put(tmp_path / "one.obj", obj_bytes(FACE, TRIANGLES))
     assert main(["inspect", str(mesh), "-o", str(out)]) == 0
     assert "mesh, 1 people, 1 sequences, 1 frames" in capsys.readouterr().out

@@ -35,6 +35,7 @@ CASES: list[tuple[str, dict[str, float]]] = [
     ("stereo_light", {}),
     ("stereo_light", {"dot_disorder": 0, "dot_variation": 0, "flood": 1, "fall_off_power": 3}),
     ("stereo_light", {"gain_counts": 0, "texture_share": 0.5, "texture_mm": 12}),
+    ("stereo_light", {"daylight": 1e-3, "texture_mm": 12}),
     ("pattern_light", {"dot_spacing_mrad": 5.3, "dot_sigma_mrad": 1.1}),
     ("stereo_exposure", {}),
     ("stereo_exposure", {"bits": 10, "longest_exposure": 0, "psf_sigma_px": 0, "exposure": 3}),

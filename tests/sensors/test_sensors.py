@@ -9,7 +9,7 @@ from moderngl import Context
 from glsim.core.camera import DEFAULT_INTRINSICS, DEFAULT_SENSOR
 from glsim.core.errors import ConfigError
 from glsim.core.reason import Reason
-from glsim.sensors.sensor import load_sensor, sensor_names
+from glsim.sensors.sensor import load_sensor, sensor_names, sensor_of
 from tests.support.scenes import face_mesh, frames_of, sensor_file, settings_for
 
 SENSORS = sensor_names()
@@ -56,6 +56,20 @@ def test_a_face_is_seen_with_reasons_that_fit(context: Context, name: str) -> No
         described = load_sensor(name).describe()
         assert described["name"] == name
         assert len(described["stages"]) == len(load_sensor(name).stages)
+
+
+def test_daylight_reaches_the_stage_that_knows_it(context: Context) -> None:
+    """The light of an overcast sky makes a Kinect V2 noisier; statistical sensors refuse it."""
+    noise_mm = []
+    for day in (None, 0.04):
+        scene, pose = {"daylight": day} if day else {}, {"distance_mm": 2000}
+        settings = settings_for("kinect-v2", scene=scene, pose=pose)
+        (frame,) = frames_of(context, settings, face_mesh())
+        both = (frame.clean > 0) & (frame.noisy > 0)
+        noise_mm.append(np.median(np.abs(frame.noisy.astype(float) - frame.clean)[both]))
+    assert noise_mm[1] > 2 * noise_mm[0]
+    with pytest.raises(ConfigError, match="no stage of sensor"):
+        sensor_of(settings_for("kinect-v2-fankhauser", scene={"daylight": 0.04}))
 
 
 def test_ideal_is_the_clean_depth_rounded(context: Context) -> None:

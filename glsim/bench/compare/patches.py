@@ -44,16 +44,11 @@ SURFACE_FEATURES = (
     "largest residual over their rms",
 )
 EDGE_FEATURES = (
-    "width of the gap",
-    "spread of the width over the rows",
-    "invalid pixels of the gap",
-    "flying pixels of the gap",
-    "invalid share of 8 px outside",
-    "share behind the background",
-    "valid-invalid changes in a row",
-    "log of the foreground's residual",
+    "width of the gap", "spread of the width over the rows", "invalid pixels of the gap",
+    "flying pixels of the gap", "invalid share of 8 px outside", "share behind the background",
+    "valid-invalid changes in a row", "log of the foreground's residual",
     "log of the background's residual",
-)
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,14 +131,29 @@ def _imaged_light(
         light += thrown * (way[..., 2] * inverse) ** p["fall_off_power"]
     sky = np.float32(0.6) - np.float32(0.4) * shape[..., 1]
     albedo = shape[..., 3]
-    if p["texture_share"] > 0:
-        albedo = albedo * (np.float32(1) + p["texture_share"] * _grain(view, point, p))
-    light = albedo * (p["gain_counts"] * light + p["ambient_counts"] * sky)
+    day = p["daylight"] * p["daylight_counts"]
+    share = np.maximum(p["texture_share"], p["daylight_texture"] if day > 0 else np.float32(0))
+    if share > 0:
+        albedo = albedo * (np.float32(1) + share * _grain(view, point, p))
+    if day > 0:
+        size, upright = p["dot_sigma_mrad"] / p["dot_spacing_mrad"], np.float32(0.6)
+        pattern = p["flood"] + (1 - p["flood"]) * np.float32(2 * np.pi) * size * size
+        usual = p["gain_counts"] * pattern + upright * p["ambient_counts"]
+        longer = np.minimum(np.float32(view.subject_m * view.subject_m), np.float32(4))
+        shorter = np.maximum(
+            usual / (usual + longer * upright * day), p["shortest_exposure"] / longer
+        )
+        albedo = albedo * shorter
+    light = albedo * (p["gain_counts"] * light + (p["ambient_counts"] + day) * sky)
     return np.where(seen, light, np.float32(0))
 
 
 def _grain(view: FrameContext, point: Image, p: Parameters) -> Image:
-    place = point * np.float32(1000) / p["texture_mm"]
+    size_mm = p["texture_mm"]
+    if p["daylight"] > 0:
+        far = np.maximum(np.float32(2) * point[..., 2:], np.float32(1))
+        size_mm = size_mm * np.exp2(np.floor(np.log2(far)))
+    place = point * np.float32(1000) / size_mm
     cell = np.floor(place).astype(np.int64)
     part = place - cell.astype(np.float32)
     total = np.zeros(point.shape[:-1], np.float32)

@@ -185,9 +185,9 @@ def tof_taps(view: FrameContext, layers: Layers, p: Parameters) -> dict[str, Ima
     imaginaries: list[Image] = []
     for k, m in enumerate(CONTRAST_MULTIPLIER.tolist()):
         bits = random_bits(x, y, view.seed, k)
-        sigma = xp.sqrt(
-            p["read_variance"] + p["shot_variance"] * (amplitude / m + p["ambient_lsb"])
-        )
+        light_lsb = amplitude / m + p["ambient_lsb"]
+        day = p["daylight"] * p["daylight_lsb"]
+        sigma = xp.sqrt(p["read_variance"] + p["shot_variance"] * light_lsb + day * day)
         taps = []
         noise = *normal_pair(*bits[:2]), normal_pair(*bits[2:])[0]
         for c, s, white in zip(TAP_COS, TAP_SIN, noise, strict=True):

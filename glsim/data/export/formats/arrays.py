@@ -64,14 +64,11 @@ def _each_depth(
 ARRAYS = (
     Export("npy", "float depth, metres", lambda frame: _each_depth(frame, "npy", encode_npy)),
     Export(
-        "exr",
-        "float depth, metres, OpenEXR (needs OpenEXR)",
-        lambda frame: _each_depth(frame, "exr", encode_exr),
-        library="OpenEXR",
+        "exr", "float depth, metres, OpenEXR (needs OpenEXR)",
+        lambda frame: _each_depth(frame, "exr", encode_exr), library="OpenEXR",
     ),
     Export(
-        "npz",
-        "all of a frame: depth, points, normals, camera, pose, landmarks, record",
+        "npz", "all of a frame: depth, points, normals, camera, pose, landmarks, record",
         lambda frame: [(".npz", encode_npz(frame))],
     ),
-)
+)  # fmt: skip

@@ -73,13 +73,11 @@ def ros_yaml(camera: Intrinsics, lens: Distortion, name: str) -> bytes:
 
 CAMERAS = (
     Export(
-        "open3d",
-        "camera, JSON of Open3D",
+        "open3d", "camera, JSON of Open3D",
         lambda frame: [("_camera.json", open3d_json(frame.intrinsics))],
     ),
     Export(
-        "ros",
-        "camera, camera_info YAML of ROS",
+        "ros", "camera, camera_info YAML of ROS",
         lambda frame: [("_camera_info.yaml", ros_yaml(frame.intrinsics, frame.lens, "glsim"))],
     ),
-)
+)  # fmt: skip
