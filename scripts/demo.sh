@@ -5,6 +5,5 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 scripts/setup.sh demo
 .venv/bin/glsim generate -o demo/data --subjects 12 --frames-per-subject 30 --set output.crop=160 \
-    --set output.layers=clean,noisy,infrared,reason --set appearance.wear=always \
-    --set pose.yaw_deg='{ uniform = [-25, 25], per = "sequence" }'
+    --set output.layers=clean,noisy,infrared,reason
 .venv/bin/glsim preview demo/data -o demo --frames 12

@@ -61,7 +61,7 @@ for camera in kinect-v2 any-depth-camera; do
     done
 done
 # Clean frames stay as they are.
-generate ideal procedural 40 8 --sensor ideal --set output.crop=128 --set 'pose.yaw_deg={ uniform = [-60, 60] }' \
+generate ideal procedural 40 8 --sensor ideal --set appearance.wear=never --set pose.pitch_deg=0 --set output.crop=128 --set 'pose.yaw_deg={ uniform = [-60, 60] }' \
     --set 'pose.distance_mm={ uniform = [520, 1450] }'
 stills+=(--data "$out/ideal-procedural") more+=(--data "$out/ideal-procedural")
 

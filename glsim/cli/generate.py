@@ -42,6 +42,8 @@ glsim generate -o shared/data --subjects 100000 --part 3/16   one of 16 jobs
 The same command again resumes an interrupted run, or checks a finished one.
 """
 
+#: Preset of embedded heads if neither ``--preset`` nor ``--config`` is given.
+DEFAULT_PRESET = "heads"
 #: ``--plan`` renders some frames to measure time and size: number of frames per person, number of
 #: people, and seconds after which it starts no more frames. Chosen, not measured.
 _SAMPLED_FRAMES, _SAMPLED_PEOPLE, _SAMPLING_S = 4, 3, 8.0
@@ -71,9 +73,10 @@ def generate(
 ) -> None:
     """Generate a data set of clean and noisy depth frames, split by subject; resumable.
 
-    Without options: 10 embedded heads, 30 frames each, 0.9 m before a kinect-v2, whole images. A
-    seed gives the same bytes on all x86-64 processors since 2013. What has no option here is a
-    setting: glsim presets lists collections of them, docs/reference/settings.md all.
+    Without options: 10 embedded heads, 30 frames each, dressed, turned, at 0.6 to 1.3 m before a
+    kinect-v2, whole images: the preset heads, which embedded heads have without --preset and
+    --config. A seed gives the same bytes on all x86-64 processors since 2013. What has no option
+    here is a setting: glsim presets lists collections of them, docs/reference/settings.md all.
 
     Args:
         out: Folder for the data set, or a URL such as s3://bucket/faces for shards. Default: none;
@@ -94,6 +97,9 @@ def generate(
     from glsim.data.worker_processes import worker_count
     from glsim.settings.schema import load_settings
 
+    given = any(text.startswith(("source=", "source.kind")) for text in assignments or ())
+    if preset is None and config is None and source in (None, "procedural") and not given:
+        preset = DEFAULT_PRESET
     faces = overrides(
         kind=source, root=root, subjects=subjects, frames_per_subject=frames_per_subject
     )

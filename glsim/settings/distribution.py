@@ -21,13 +21,11 @@ import numpy as np
 from pydantic import BeforeValidator, model_validator
 
 from glsim.core.seeds import keyed_rng
-from glsim.settings.toml_tables import TomlTable
+from glsim.settings.toml_tables import KINDS, TomlTable
 
 Scope = Literal["frame", "sequence", "subject"]
 #: Scope of a sample; only numbers of a sensor are sampled per device.
 DrawScope = Literal[Scope, "device"]
-
-_KINDS = ("constant", "uniform", "loguniform", "normal", "choice")
 
 
 class Distribution(TomlTable):
@@ -42,9 +40,9 @@ class Distribution(TomlTable):
 
     @model_validator(mode="after")
     def _check(self) -> Distribution:
-        kinds = [kind for kind in _KINDS if getattr(self, kind) is not None]
+        kinds = [kind for kind in KINDS if getattr(self, kind) is not None]
         if len(kinds) != 1:
-            raise ValueError(f"give exactly one of {', '.join(_KINDS)}, not {kinds or 'none'}")
+            raise ValueError(f"give exactly one of {', '.join(KINDS)}, not {kinds or 'none'}")
         values = self._numbers()
         if not all(math.isfinite(v) for v in values):
             raise ValueError("numbers must be finite")
@@ -60,7 +58,7 @@ class Distribution(TomlTable):
         return self
 
     def _numbers(self) -> tuple[float, ...]:
-        values = (getattr(self, kind) for kind in _KINDS)
+        values = (getattr(self, kind) for kind in KINDS)
         numbers = next(n for n in values if n is not None)
         return numbers if isinstance(numbers, tuple) else (numbers,)
 

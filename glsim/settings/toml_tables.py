@@ -90,10 +90,19 @@ def assign(tree: dict[str, Any], path: list[str], value: Any, text: str) -> None
     node[path[-1]] = value
 
 
+#: Kinds of distributions of a number, see ``glsim.settings.distribution``.
+KINDS = ("constant", "uniform", "loguniform", "normal", "choice")
+
+
 def merge_tables(tree: dict[str, Any], overrides: Mapping[str, Any]) -> None:
-    """Merge ``overrides`` into nested dicts in place; dicts merge, other values replace."""
+    """Merge ``overrides`` into nested dicts in place; dicts merge, other values replace.
+
+    A distribution keeps its ``per`` where another kind replaces it.
+    """
     for key, value in overrides.items():
         if isinstance(value, Mapping) and isinstance(tree.get(key), dict):
+            if not value.keys().isdisjoint(KINDS):
+                tree[key] = {k: v for k, v in tree[key].items() if k not in KINDS}
             merge_tables(tree[key], value)
         else:
             tree[key] = dict(value) if isinstance(value, Mapping) else value

@@ -174,17 +174,13 @@ def test_a_bad_file_is_named(tmp_path: Path) -> None:
 
 
 def test_the_shipped_presets_load_and_have_a_title() -> None:
-    assert preset_names() == [
-        "living-room",
-        "office",
-        "paper",
-        "randomised",
-        "sample",
-        "still-views",
-    ]
+    names = "heads living-room office overcast paper randomised sample still-views sun window"
+    assert preset_names() == names.split()
     for name in preset_names():
         load_settings(preset=name)
         assert 20 < len(preset_title(name)) < 90
+    other = load_settings(None, ["pose.yaw_deg={uniform=[0, 5]}"], preset="office").pose.yaw_deg
+    assert (other.uniform, other.normal, other.per) == ((0, 5), None, "sequence")
     office = load_settings(preset="office")
     assert office.source[0].kind == "people"
     assert office.scene.room == "office"

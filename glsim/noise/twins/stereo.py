@@ -137,13 +137,11 @@ def _imaged_light(
         albedo = albedo * (np.float32(1) + share * _grain(view, point, p))
     if day > 0:
         size, upright = p["dot_sigma_mrad"] / p["dot_spacing_mrad"], np.float32(0.6)
-        pattern = p["flood"] + (1 - p["flood"]) * np.float32(2 * np.pi) * size * size
-        usual = p["gain_counts"] * pattern + upright * p["ambient_counts"]
+        dots = p["flood"] + (1 - p["flood"]) * np.float32(2 * np.pi) * size * size
+        usual = p["gain_counts"] * dots + upright * p["ambient_counts"]
         longer = np.minimum(np.float32(view.subject_m * view.subject_m), np.float32(4))
-        shorter = np.maximum(
-            usual / (usual + longer * upright * day), p["shortest_exposure"] / longer
-        )
-        albedo = albedo * shorter
+        shorter = usual / (usual + longer * upright * day)
+        albedo = albedo * np.maximum(shorter, p["shortest_exposure"] / longer)
     light = albedo * (p["gain_counts"] * light + (p["ambient_counts"] + day) * sky)
     return np.where(seen, light, np.float32(0))
 
