@@ -37,7 +37,7 @@ class Mesh:
         faces: (F, 3) int32 vertex indices, counter-clockwise seen from outside. Meshes of one
             topology should share one array object: the renderer then keeps it on the GPU.
         albedo: (V,) float32 in [0, 1], diffuse reflectivity at 860 nm relative to a white wall, or
-            None for SKIN_ALBEDO.
+            None for SKIN_ALBEDO; plus 4 times the number of a glossy material (lib/gloss.glsl).
         occluder: (F', 3) int32, a smaller list of triangles that casts the shadows, see
             ``occluder_of``; None for ``faces``.
         two_sided: whether the backs of triangles are drawn too. They are for meshes from files,

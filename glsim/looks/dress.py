@@ -30,6 +30,10 @@ _Grid = TypeVar("_Grid")
 
 #: Regions of worn meshes, in the order of the settings.
 WORN_REGIONS: Final = ("hair", "beard", "brow", "glasses", "cloth")
+#: Materials with mirror light, added to the albedo of their vertices: 4 times the number that
+#: shaders/lib/gloss.glsl has; and the share of light that passes a clear lens twice: 92 % each way.
+WORN_GLOSS: Final = {"skin": 4.0, "eye": 8.0, "lip": 12.0, "frame": 16.0, "lens": 20.0}
+_LENS_TWICE: Final = 0.92**2
 #: Sources that wear = "auto" dresses; others have bare faces, as in the paper.
 DRESSED_SOURCES: Final = ("people",)
 #: Number of subjects whose clothes stay in memory, 2 MB each: a batch of frames has few subjects.
@@ -193,6 +197,9 @@ class Dresser:
             )
             wear("glasses", Rigid(points), faces, outfit.rim_albedo)
             worn[-1].albedo[is_lens] = outfit.lens_albedo
+            if self._settings.gloss:
+                shine = np.where(is_lens, WORN_GLOSS["lens"], WORN_GLOSS["frame"])
+                worn[-1].albedo += shine.astype(np.float32)
         cloth = self._grid(make_cloth_grid) if outfit.garments else None
         if cloth is not None:
             body = fit_cloth(cloth, vertices)
@@ -231,5 +238,11 @@ class Dresser:
             if self._settings.hair:
                 bald = float(np.median(skin)) if len(skin) else 0.6
                 albedo[self._reference.is_in("scalp", "hair")] = bald
+            if self._settings.gloss:
+                eye = self._reference.is_in("sclera", "iris", "pupil", "eyes")
+                albedo[eye] *= 1.0 if wardrobe.outfit.glasses is None else _LENS_TWICE
+                albedo += WORN_GLOSS["skin"]
+                for name, where in (("eye", eye), ("lip", self._reference.is_in("lips"))):
+                    albedo[where] += WORN_GLOSS[name] - WORN_GLOSS["skin"]
             wardrobe.skin = (mesh.albedo, albedo)
         return wardrobe.skin[1]

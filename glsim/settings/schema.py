@@ -185,6 +185,7 @@ class AppearanceSettings(TomlTable):
     # 64 % of adults have glasses (The Vision Council); 54 % of these wear them most of the time.
     glasses: float = Field(0.35, ge=0, le=1, description="share with glasses")
     cloth: float = Field(1.0, ge=0, le=1, description="share with cloth over neck and body")
+    gloss: bool = Field(False, description="mirror light of dressed subjects: skin, eyes, glasses")
 
 
 class SceneSettings(TomlTable):

@@ -1,10 +1,11 @@
 #version 330 core
 // surface: writes the clean layers. Depth is the interpolated camera-space z, not the depth buffer.
-#include "lib/facet.glsl"
+#include "lib/gloss.glsl"
 #include "lib/strands.glsl"
 
 in vec3 v_position_m;
 in float v_albedo;
+flat in float v_material;
 
 out float clean;
 out vec4 normal; // w: albedo, for stages that read both
@@ -12,7 +13,7 @@ out float albedo;
 
 void main() {
     clean = v_position_m.z;
-    albedo = v_albedo;
+    albedo = glossy(v_albedo, v_material, v_position_m);
     normal = vec4(facet_normal(v_position_m), albedo);
 #ifdef STRANDS
     vec2 strand = strand_seen(v_albedo);

@@ -10,11 +10,13 @@ in float in_albedo;
 
 out vec3 v_position_m;
 out float v_albedo;
+flat out float v_material; // number of a glossy material, of the triangle's last corner; 0: matte
 
 void main() {
     vec4 position = u_view * vec4(in_position_mm, 1.0);
     pass_strands(position);
     v_position_m = position.xyz;
-    v_albedo = in_albedo;
+    v_material = floor(0.25 * in_albedo); // as WORN_GLOSS in glsim/looks/dress.py adds it
+    v_albedo = in_albedo - 4.0 * v_material;
     gl_Position = u_clip * position;
 }
