@@ -247,7 +247,8 @@ def _ribbons(head: Head, lines: Reals, width: Reals, root: int) -> Sheet:
     where = np.stack(np.broadcast_arrays(half, 40.0 * lock, down[:, None, None]), -1).reshape(-1, 3)
     dense = np.clip(4.0 * (1.05 - np.linspace(0, 1, rings)), 0, 1)[:, None, None]
     cover = np.broadcast_to(dense * (1 - np.abs(side)), (rings, count, 3)).ravel()
-    strands = strands_of(head.style, where, cover, np.full(len(where), 2.0), head.seed)
+    # Locks shade each other: a third of a bundle's thickness, chosen.
+    strands = strands_of(head.style, where, cover, np.full(len(where), 9.0), head.seed)
     faces = np.concatenate([_grid(rings, 3) + 3 * rings * k for k in range(count)])
     order = np.arange(rings * count * 3).reshape(rings, count, 3).transpose(1, 0, 2).ravel()
     roots = np.full(len(where), root)
@@ -268,11 +269,14 @@ def _bun(tie: Reals, out: Reals, scale: float, rng: np.random.Generator) -> tupl
 
 
 def _tail(tie: Reals, out: Reals, scale: float, rng: np.random.Generator) -> tuple[Reals, Reals]:
-    """Compute centre lines (12, 34, 3) and widths (34,), mm, of locks that hang from a tie."""
-    length = rng.uniform(150, 290) * scale * rng.uniform(0.7, 1.0, 34)
-    share = np.linspace(0, 1, 12)[:, None, None]
-    spread = rng.normal(0, 1, (1, 34, 3)) * np.array([11.0, 4.0, 9.0]) * scale
+    """Compute centre lines (16, 70, 3) and widths (70,), mm, of locks that hang from a tie."""
+    length = rng.uniform(150, 290) * scale * rng.uniform(0.55, 1.0, 70)
+    share = np.linspace(0, 1, 16)[:, None, None]
+    spread = np.clip(rng.normal(0, 1, (1, 70, 3)), -1.7, 1.7) * np.array([10.0, 4.0, 9.0]) * scale
     arc = out * (34 * scale) * np.sin(np.clip(2.2 * share, 0, 1) * np.pi / 2)
     drop = _DOWN * length[None, :, None] * np.clip(share - 0.08, 0, 1)
-    lines = tie + arc + drop + spread * (0.25 + 1.1 * np.sqrt(share))
-    return lines, rng.uniform(9, 15, 34) * scale
+    # A tail is widest below the tie and narrows to its tip; its locks swing and cross each other.
+    wide = 0.25 + 2.1 * np.sqrt(share) * (1 - 0.72 * share)
+    phase = rng.uniform(0, 2 * np.pi, (1, 70, 3))
+    swing = 2.8 * scale * np.sqrt(share) * np.sin(2 * np.pi * (1.3 * share) + phase)
+    return tie + arc + drop + spread * wide + swing, rng.uniform(6, 11, 70) * scale
