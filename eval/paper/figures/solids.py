@@ -33,6 +33,8 @@ _LIT, _SHADOW, _SKIN = "#e9b98a", "#7b1e3a", "#dbccbd"
 _CAMERA, _PROJECTOR, _FRUSTUM, _WINDOW = "#1a1a1a", "#c0392b", "#5f6f7f", "#0072b2"
 #: Number of rays drawn from the projector to points in its shadow.
 _RAYS: Final = 9
+#: Size of a box in its axes: at 1, labels are cut.
+_ZOOM: Final = 0.88
 #: Margin around a head, mm.
 _MARGIN_MM: Final = 15.0
 
@@ -128,7 +130,7 @@ def _axes_3d(
     axis.set_xlabel("x [mm]", fontsize=_TEXT_SIZE, labelpad=-4)
     axis.set_ylabel("distance [mm]", fontsize=_TEXT_SIZE, labelpad=-2)
     axis.set_zlabel("up [mm]", fontsize=_TEXT_SIZE, labelpad=-4)
-    axis.set_box_aspect(np.asarray(high) - np.asarray(low))
+    axis.set_box_aspect(np.asarray(high) - np.asarray(low), zoom=_ZOOM)
     return axis
 
 
