@@ -29,7 +29,14 @@ from glsim.core.errors import ConfigError
 from glsim.settings.schema import Settings, load_settings
 from glsim.train.data.checks import entries_of, fingerprint
 from glsim.train.data.simulated import SimulatedPairs, randomised
-from glsim.train.data.stored import Augmentation, Batch, JoinedPairs, PairDataset, StoredPairs
+from glsim.train.data.stored import (
+    Augmentation,
+    Batch,
+    JoinedPairs,
+    PairDataset,
+    Photographs,
+    StoredPairs,
+)
 from glsim.train.models.registry import inputs_of
 from glsim.train.recipe import Recipe
 
@@ -197,7 +204,7 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
         protocol=data.protocol,
     )
     changes = Augmentation(data.flip, data.relief_mm, data.slope_mm_per_px, True)
-    train = [
+    train: list[PairDataset] = [
         open_split(
             dataset, "train", cut=data.cut, augmentation=changes,
             seed=recipe.seed + number * SEED_STRIDE,
@@ -208,13 +215,16 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
     validation = [open_split(dataset, "val", cut=validation_cut) for dataset in datasets]
     fingerprints = [fingerprint(dataset) | entries_of(target=data.target) for dataset in datasets]
     joined = fingerprints[0] if len(fingerprints) == 1 else {"sets": fingerprints}
-    protocols = {pairs.protocol for pairs in train}
+    protocols = {pairs.protocol for pairs in validation}
     if len(protocols) > 1:
         raise ConfigError(
             f"the data sets are of different protocols ({', '.join(sorted(protocols))}): choose "
             "one with --protocol"
         )
-    joined |= entries_of(protocol=train[0].protocol)
+    joined |= entries_of(protocol=protocols.pop())
+    if data.photographs is not None:
+        photographs = Photographs(Path(data.photographs), data.crop or 128, recipe.seed)
+        train, joined = [photographs], joined | {"photographs": photographs.identity}
     held_out = JoinedPairs(validation)
     count = min(data.validation_frames or len(held_out), len(held_out))
     indices = np.linspace(0, len(held_out) - 1, count).round().astype(int)  # frames of all subjects

@@ -49,11 +49,8 @@ _VALIDATION_SHARE: Final = 0.1
 class StepStatus(NamedTuple):
     """Status of a training after a step, for a progress bar.
 
-    Attributes:
-        total_steps: steps of the whole training; None without a limit.
-        fraction_done: fraction of the whole training; 0 if only patience limits it.
-        seconds: training time over all resumes.
-        validation: metrics, if a validation followed this step.
+    ``total_steps``: None without a limit. ``fraction_done``: of the whole training; 0 if only
+    patience limits it. ``seconds``: over all resumes. ``validation``: metrics, if it followed.
     """
 
     epoch: int
@@ -81,9 +78,7 @@ def fit(
     one: it continues with the number of threads of its beginning.
 
     Args:
-        folder: the folder of the run: checkpoints, logs, sample pictures.
         resume: continue from the last checkpoint in ``folder``, if there is one.
-        on_step: called after each step.
         should_stop: called after each step; True interrupts the training.
         announce: called with a line before a slow part: the first step, the first validation.
 
@@ -198,6 +193,7 @@ class TrainingRun:
             depth_mm.contiguous(memory_format=torch.channels_last)
             for depth_mm in (noisy_mm, clean_mm)
         )
+        noisy_mm, clean_mm = self.state.loss.batch(noisy_mm, clean_mm)
         total, _ = self.state.loss(to_float32(self.model(noisy_mm)), noisy_mm[:, :1], clean_mm)
         loss = float(total.detach())
         if not math.isfinite(loss):

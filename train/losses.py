@@ -18,6 +18,7 @@ from torch.nn import functional
 
 from glsim.core.depth_map import FLYING_MM, dilated, interior, jumps
 from glsim.core.errors import ConfigError, did_you_mean
+from glsim.core.units import MM_PER_M
 from glsim.networks.safeguards import REACH_PX
 from glsim.settings.toml_tables import TomlTable, parse_table
 from glsim.train.models.base import Prediction
@@ -27,6 +28,10 @@ LossParts = dict[str, Tensor]
 
 class Loss(TomlTable):
     """Base class of all losses."""
+
+    def batch(self, noisy_mm: Tensor, clean_mm: Tensor) -> tuple[Tensor, Tensor]:
+        """Make the input and the target of a training step of a batch, (B, C or 1, H, W) each."""
+        return noisy_mm, clean_mm
 
     def __call__(
         self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
@@ -184,7 +189,113 @@ def _smooth_l1(values: Tensor, beta: float) -> Tensor:
     return functional.smooth_l1_loss(values, torch.zeros_like(values), reduction="none", beta=beta)
 
 
-LOSSES: Final[dict[str, type[Loss]]] = {"all_pixels": AllPixels, "masked": Masked}
+class NoisyTarget(Loss):
+    """Base class of losses that see no clean frame: the target is made of the measured depth.
+
+    Only pixels with a target count, so that holes are neither filled nor learnt. A validation gives
+    the clean depth as the target.
+    """
+
+    beta_mm: float = Field(3.0, gt=0, description="as in masked")
+
+    def batch(self, noisy_mm: Tensor, clean_mm: Tensor) -> tuple[Tensor, Tensor]:
+        """Return input and target, of networks of depth alone; target 0: no target."""
+        return noisy_mm, noisy_mm
+
+    def __call__(
+        self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
+    ) -> tuple[Tensor, LossParts]:
+        """Compute the loss, a single part: the distance from the target."""
+        error = _smooth_l1(prediction.depth_mm - clean_mm, self.beta_mm)
+        total = weighted_mean(error, (clean_mm != 0).float())
+        return total, {"depth": total}
+
+
+class Noise2Void(NoisyTarget):
+    """The blind spots of Krull, Buchholz, Jug, "Noise2Void", CVPR 2019, for maps with holes.
+
+    Some measured pixels take the depth of a measured neighbour and shall return their own, whose
+    noise, if independent from pixel to pixel, the surroundings do not tell.
+    """
+
+    kind: Literal["noise2void"] = "noise2void"
+    share: float = Field(0.0156, gt=0, lt=1, description="of pixels; the authors' 64 of 64 x 64")
+    radius_px: int = Field(2, ge=1, description="half side of the square of neighbours")
+
+    def batch(self, noisy_mm: Tensor, clean_mm: Tensor) -> tuple[Tensor, Tensor]:
+        """Replace the spots; they alone have a target."""
+        side = 2 * self.radius_px + 1
+        near_mm = functional.unfold(noisy_mm, side, padding=self.radius_px)
+        near_mm = near_mm.view(len(noisy_mm), side * side, *noisy_mm.shape[2:])
+        draw = torch.rand(near_mm.shape).to(noisy_mm) * (near_mm > 0)
+        draw[:, side * side // 2] = 0  # not the pixel itself
+        highest, chosen = draw.max(dim=1, keepdim=True)
+        spots = torch.rand(noisy_mm.shape).to(noisy_mm) < self.share
+        spots &= (noisy_mm > 0) & (highest > 0)
+        changed_mm = torch.where(spots, near_mm.gather(1, chosen), noisy_mm)
+        return changed_mm, torch.where(spots, noisy_mm, 0.0)
+
+
+class Recorrupted(NoisyTarget):
+    """Recorrupted-to-recorrupted, for Gaussian noise of known size on measured pixels.
+
+    Pang, Zheng, Quan, Ji, CVPR 2021, in the form of Monroy, Bacca, Tachella, CVPR 2025: with noise
+    w ~ N(0, sigma), y + tau w and y - w / tau, tau = sqrt(alpha / (1 - alpha)), carry independent
+    noise. Errors beyond ``beta_mm``, which flying pixels have, count linearly.
+    """
+
+    kind: Literal["recorrupted"] = "recorrupted"
+    alpha: float = Field(0.15, gt=0, lt=1, description="0.15 as in Monroy et al.")
+    sigma_mm: float = Field(2.0, gt=0, description="assumed standard deviation of the noise")
+
+    def batch(self, noisy_mm: Tensor, clean_mm: Tensor) -> tuple[Tensor, Tensor]:
+        """Add noise to the input, and its opposite to the target."""
+        tau, measured = math.sqrt(self.alpha / (1 - self.alpha)), noisy_mm > 0
+        added_mm = self.sigma_mm * torch.randn(noisy_mm.shape).to(noisy_mm) * measured
+        return noisy_mm + tau * added_mm, noisy_mm - added_mm / tau
+
+
+class Sterzentsenko(NoisyTarget):
+    """The priors of Sterzentsenko et al., "Self-Supervised Deep Depth Denoising", ICCV 2019.
+
+    An inverse Huber distance from the measured depth, linear up to a fifth of its largest error,
+    and smooth normals. Their main term, colours in registered views of other sensors, has no
+    counterpart in frames of one sensor. Weights are the authors'.
+    """
+
+    kind: Literal["sterzentsenko"] = "sterzentsenko"
+    input_weight: float = Field(0.1, ge=0, description="weight of the distance, m")
+    smooth_weight: float = Field(0.05, ge=0, description="weight of 1 - cosine of normals")
+    focal_px: float = Field(365.456, gt=0, description="focal length, for normals: a Kinect V2's")
+
+    def __call__(
+        self, prediction: Prediction, noisy_mm: Tensor, clean_mm: Tensor
+    ) -> tuple[Tensor, LossParts]:
+        """Compute the weighted sum of both terms."""
+        counted = (clean_mm != 0).float()
+        error = (prediction.depth_mm - clean_mm).abs() * counted / MM_PER_M
+        limit = (0.2 * error.detach().max()).clamp_min(1e-9)
+        error = torch.where(error <= limit, error, (error.square() / limit + limit) / 2)
+        step_mm = prediction.depth_mm.detach().clamp_min(1) / self.focal_px
+        down, right = torch.gradient(prediction.depth_mm, dim=(-2, -1))
+        normal = torch.cat([right / step_mm, down / step_mm, torch.ones_like(step_mm)], dim=1)
+        bends = [functional.normalize(normal, dim=1).diff(dim=axis) for axis in (-2, -1)]
+        inner = -functional.max_pool2d(-counted, 5, 1, 2)  # differences stay within the surface
+        rough = [
+            weighted_mean(
+                bend.square().sum(1, keepdim=True) / 2, inner.narrow(axis, 0, bend.shape[axis])
+            )
+            for axis, bend in zip((-2, -1), bends, strict=True)
+        ]  # half the squared difference of unit normals is 1 - cosine
+        parts = {"input": weighted_mean(error, counted), "smooth": torch.stack(rough).mean()}
+        return self.input_weight * parts["input"] + self.smooth_weight * parts["smooth"], parts
+
+
+#: [loss] kind -> class.
+LOSSES: Final[dict[str, type[Loss]]] = {
+    kind.model_fields["kind"].default: kind
+    for kind in (AllPixels, Masked, Noise2Void, Recorrupted, Sterzentsenko)
+}
 
 
 def build_loss(table: Mapping[str, Any]) -> Loss:

@@ -39,15 +39,9 @@ def export_onnx(checkpoint: Path, out: Path) -> dict[str, float]:
     ``glsim.networks.inputs``: (1, images, H, W), zeros for missing images. H and W must be
     multiples of 16 (pad with zeros).
 
-    Args:
-        checkpoint: best.pt or last.pt of a training.
-
-    Returns:
-        Output name -> largest difference between OpenCV and PyTorch on two test frames.
-
-    Raises:
-        DenoiserError: for a damaged or foreign checkpoint.
-        TrainError: the network cannot be exported or run by OpenCV (Restormer), or results differ.
+    Returns output name -> largest difference between OpenCV and PyTorch on two test frames. Raises
+    DenoiserError for a damaged or foreign checkpoint, TrainError if the network cannot be exported
+    or run by OpenCV (Restormer), or results differ.
     """
     model, record = load_model(checkpoint)
     data = onnx_bytes(model.cpu().eval(), checkpoint, record)
@@ -158,10 +152,6 @@ def weights_of_onnx(path: Path, spec: Mapping[str, Any]) -> dict[str, Tensor]:
     numbers and exported: equal numbers show the position of each weight in the file. Returns name
     -> weight, for the inputs of the file; without the unused buffers of `NOT_COPIED`. Raises
     TrainError: a damaged file, another architecture, or weights with batch normalisation.
-
-    Args:
-        path: the ONNX file; it may have fewer inputs than ``spec``.
-        spec: the [model] table of a recipe.
     """
     try:
         data, content = read_onnx(path)

@@ -1,21 +1,8 @@
 """Recipes of a training (network, loss, optimiser, limits), as TOML files of differences.
 
-    extends = "paper"                  a shipped recipe, or a file beside this one
-    title = "DnCNN D7"
-    row = "D7"                         the row of the paper's tables, if any
-    size = "small"                     full (as published), small (reduced), own
-    [model]                            see glsim.train.models.registry
-    kind = "paper_input"
-    backbone = { kind = "dncnn", depth = 7, width = 64 }
-    [loss]                             see glsim.train.losses
-    kind = "all_pixels"
-    [optimiser]
-    lr = 1e-4
-    [training]
-    patience = 10
-
-Tables are merged over the tables of the extended recipe; a table with another ``kind`` replaces the
-extended table, because kinds have different parameters.
+A recipe holds only its differences from the recipe that it ``extends``, see docs/howto/training.md.
+Tables are merged; a table with another ``kind`` replaces the extended one, because kinds have
+different parameters.
 """
 
 from __future__ import annotations
@@ -137,6 +124,11 @@ class DataSettings(TomlTable):
     slope_mm_per_px: float = Field(
         0.0, ge=0, le=100, description="largest slope of a plane added to stored pairs; 0: none"
     )
+    photographs: str | None = Field(
+        None,
+        description="folder of pictures to train on instead of depth: grey values as mm, Gaussian "
+        "noise of 25; the data set validates",
+    )
     train_frames: int | None = Field(None, ge=1, description="use the first N frames; default: all")
     validation_frames: int | None = Field(
         None, ge=1, description="number of frames, spread evenly over the split; default: all"
@@ -200,14 +192,9 @@ def load_recipe(
 ) -> Recipe:
     """Load a recipe by its name or by the path of its TOML file.
 
-    The tables [model] and [loss] are checked when they are built.
-
-    Args:
-        assignments: changes as texts, ``table.key=value``.
-        overrides: changes as nested tables, after the assignments.
-
-    Raises:
-        ConfigError: for an unknown recipe, an unreadable file, an unknown key or a bad value.
+    ``assignments`` are texts, ``table.key=value``; ``overrides``, tables, come after them. [model]
+    and [loss] are checked when they are built. Raises ConfigError for an unknown recipe, an
+    unreadable file, an unknown key or a bad value.
     """
     file = _recipe_file(recipe, Path())
     tree = _read_tree(file, 0)

@@ -30,16 +30,10 @@ class WeightsOf(NamedTuple):
 
 @dataclass
 class TrainingProgress:
-    """Counters of a training.
+    """Counters of a training: ``step`` of the epoch, ``steps`` and ``seconds`` over all resumes.
 
-    Attributes:
-        step: steps done in the current epoch.
-        steps: steps done in total.
-        seconds: training and validation time over all resumes.
-        stale: validations since the best validation.
-        loss_sum: sum of the losses since the last validation.
-        loss_count: number of steps since the last validation.
-        validation_batches: number of batches per validation, if a limit in minutes bounds it.
+    ``stale`` counts validations since the best; ``loss_sum`` is over ``loss_count`` steps since the
+    last. A limit in minutes bounds ``validation_batches``.
     """
 
     epoch: int = 0

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from glsim.core.depth_map import BAND_PX, FLYING_MM
-from glsim.eval.metrics.form import relief_kept_pct
+from glsim.eval.metrics.form import hole_curvature_per_m, relief_kept_pct
 from glsim.eval.metrics.metric import DESCRIPTIONS, Direction, Metric
 from glsim.eval.metrics.scored_map import PSNR_MAX_MM, ScoredMap, psnr_db
 from glsim.eval.metrics.ssim import PRESETS
@@ -48,6 +48,7 @@ _VALUES: Final[dict[str, Callable[[ScoredMap], float]]] = {
     "flips_px": lambda p: float(p.flips),
     "flying_px": _flying_px,
     "relief_kept_pct": relief_kept_pct,
+    "hole_curvature_per_m": hole_curvature_per_m,
     "normal_mean_deg": lambda p: _angle(p, np.mean),
     "normal_median_deg": lambda p: _angle(p, np.median),
     "normal_good_pct": lambda p: 100.0 * _angle(p, lambda angle: (angle < _GOOD_DEG).mean()),

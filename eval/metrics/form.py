@@ -14,13 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.array_types import Depth, Mask
+from glsim.core.depth_map import BAND_PX, dilated
+from glsim.core.units import MM_PER_M
 from glsim.eval.metrics.scored_map import ScoredMap
+from glsim.measures.stacks import eroded
 
 #: Standard deviations of two Gaussians, px. Their difference passes relief of 4 to 8 px: 0.29, 0.51
 #: and 0.51 of waves of 4, 6 and 8 px, and 0.24 of waves of 16 px.
 _BAND_PX: Final = (1.0, 2.2)
 #: Smallest standard deviation of scored relief, mm. Chosen: below it, remaining noise would decide.
 _LEAST_MM: Final = 0.1
+#: Distance from a hole, px. Chosen: twice the band at edges.
+_NEAR_PX: Final = 2 * BAND_PX
 #: Two frames show one view up to this share of different clean pixels. Chosen: 0.0001 after 1 ms.
 _OTHER_SHARE: Final = 0.001
 
@@ -38,6 +43,22 @@ def relief_kept_pct(prediction: ScoredMap) -> float:
     if size <= _LEAST_MM**2 * np.count_nonzero(inside):
         return math.nan
     return 100.0 * (1.0 + float((clean * error).sum()) / size)
+
+
+def hole_curvature_per_m(prediction: ScoredMap) -> float:
+    """Compute the curvature that a prediction adds near holes of the clean map, 1/m.
+
+    It is the median over surfaces within 6 px of a hole of half the Laplacian of the error.
+    Negative: the surface bends towards the camera at its rim, as where zeros pull depth down. NaN
+    without such pixels or without a known distance.
+    """
+    truth = prediction.truth
+    at = truth.smooth & eroded(prediction.valid, 1) & dilated(~truth.valid, _NEAR_PX)
+    if not at.any() or not math.isfinite(truth.offset_mm):
+        return math.nan
+    pitch_mm = (truth.clean + truth.offset_mm)[at] * (truth.rays[0, 1, 0] - truth.rays[0, 0, 0])
+    bend = cv2.Laplacian(prediction.error, cv2.CV_64F)[at]
+    return MM_PER_M * float(np.median(bend / pitch_mm**2)) / 2
 
 
 def systematic_mm2(

@@ -12,16 +12,10 @@ from glsim.settings.toml_tables import read_toml
 
 Direction = Literal["lower", "higher", "neither"]
 MetricGroup = Literal["paper", "validity", "depth", "normals", "time"]
-#: Group of metrics -> title of its table, in the order of the columns of rows.csv.
-GROUPS: Final[dict[MetricGroup, str]] = {
-    "paper": "The paper's metrics: all pixels, holes are depth 0",
-    "validity": "Which pixels have depth",
-    "depth": "Surface",
-    "normals": "Surface",
-    "time": "Surface",
-}
 #: Descriptions of the shipped metrics, see the file.
 DESCRIPTIONS: Final = read_toml(Path(__file__).with_name("metrics.toml"))
+#: Group of metrics -> title of its table, in the order of the columns of rows.csv.
+GROUPS: Final[dict[MetricGroup, str]] = DESCRIPTIONS["groups"]
 
 
 @dataclass(frozen=True)

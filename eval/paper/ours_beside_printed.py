@@ -179,7 +179,7 @@ def verdict(row: str, metric: str, printed: float, case: Case) -> tuple[str, flo
 
 
 def write_values(folder: Path) -> list[Path]:
-    """Write paper_values.md and paper_values.html to a reproduction's folder.
+    """Write paper_values.md, .tex and .html to a reproduction's folder.
 
     Raises:
         DatasetError: for a table that cannot be read.
@@ -189,7 +189,8 @@ def write_values(folder: Path) -> list[Path]:
     runs = [run for group in case.networks.values() for run in group.members]
     note = run_note(mask_folder(folder, JUDGED[1]) / "data", runs)
     document = values_document(case, plan_size(folder), note)
-    texts = {"md": document.markdown(), "html": html_page(document.title, [document])}
+    texts = {"md": document.markdown(), "tex": document.latex()}
+    texts["html"] = html_page(document.title, [document])
     paths = [folder / f"paper_values.{suffix}" for suffix in texts]
     for path, text in zip(paths, texts.values(), strict=True):
         write_atomic(text.encode(), path)

@@ -167,7 +167,7 @@ def reproduce(
         data, folder = mask_folder(out, mask) / "data", case_folder(out, protocol, mask)
         for name, recipe in recipes.items():
             runner.train(recipe, [data], folder / "runs" / name)
-        _score(plan, runner, data, folder, protocol, (1, 2, 3))
+        _score(plan, runner, data, folder, protocol, (1, 2, 3, 4))
     if plan.report:
         inputs = sorted(str(path.stat().st_mtime_ns) for path in out.rglob("runs/*/best.pt"))
         runner.step("draw figures", lambda: write_paper_figures(out), inputs, out / "paper_figures")

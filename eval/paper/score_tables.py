@@ -40,7 +40,7 @@ def score_tables(
     """
     for number in tables:
         if number not in PAPER_ROWS:
-            raise ConfigError(f"--table {number}: there are 1 (filters), 2 and 3 (networks)")
+            raise ConfigError(f"--table {number}: there are 1 (filters), 2 to 4 (networks)")
         if number != 1 and runs is None:
             raise ConfigError(f"--table {number}: give --runs, the folder of trained networks")
     rows = {None, *(row for number in tables for row in PAPER_ROWS[number])}

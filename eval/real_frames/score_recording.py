@@ -75,11 +75,7 @@ def score_recording(
 ) -> RealScores:
     """Score denoisers and the raw frames on a recording.
 
-    Args:
-        denoisers: specifications for ``load_denoiser``.
-        scoring_half: score only on static pairs that ``tune_on_pairs`` does not use.
-        workers: number of processes. Default: one per core.
-        progress: called after each frame.
+    ``scoring_half``: score only on static pairs that ``tune_on_pairs`` does not use.
 
     Raises:
         ConfigError: a denoiser is wrong or given twice.

@@ -50,13 +50,8 @@ class Interval:
 class RealMeasures:
     """All measures of one method, by distance bin of BINS_M; NaN where the recording has no data.
 
-    Attributes:
-        pair_rmse_mm: error on static pairs.
-        pair_change: change against the raw frames, %: geometric mean over bins; so the others.
-        paper_rmse_mm: residual of the board's white paper from its plane.
-        shift_mm: mean of denoised - raw over smooth surfaces.
-        shift_by_100mm: (lower edge of the bin, shift), both mm, for bins of 100 mm.
-        plane_rmse_mm: residual of walls and table tops from planes fitted to each tile.
+    Changes are against the raw frames, %: geometric means over bins. ``shift_mm``: mean of
+    denoised - raw over smooth surfaces; ``shift_by_100mm`` has the lower edges of its bins, mm.
     """
 
     pair_rmse_mm: list[float]
@@ -88,14 +83,9 @@ EDGES: Final = (
 class RealScores:
     """The result of ``score_recording``.
 
-    Attributes:
-        methods: name -> measures, the raw frames first.
-        versions: label -> version of the denoiser's file.
-        static_frames: number of frames with a static partner.
-        boards: number of frames with a board.
-        by_scene: whether units are scenes; otherwise tiles.
-        own_ring_losses: shares of both rings that are lost in another raw frame of the view.
-        pixels: number of pixels of the static pairs, by BINS_M.
+    ``methods``: name -> measures, the raw frames first. ``versions``: label -> version of the
+    denoiser's file. ``by_scene``: whether units are scenes; otherwise tiles. ``own_ring_losses``:
+    shares of both rings that are lost in another raw frame of the view.
     """
 
     title: str

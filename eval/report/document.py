@@ -47,6 +47,19 @@ class TextTable:
         """Return the table as Markdown, without a final line break."""
         return "\n".join(markdown_table(self.head, self.rows))
 
+    def latex(self) -> str:
+        """Return the table as a LaTeX tabular (package booktabs)."""
+        letters = str.maketrans(TEXTS["latex"])
+        lines = []
+        for row in (self.head, *self.rows):
+            line = " & ".join(cell.translate(letters) for cell in row) + r" \\"
+            line = re.sub(r"\*\*(.+?)\*\*", r"\\textbf{\1}", line)
+            lines.append(re.sub(r"`(.+?)`", r"\\texttt{\1}", line))
+        columns = "".join("lr"[numeric] for numeric in self.numeric_columns())
+        begin, end = rf"\begin{{tabular}}{{{columns}}}", r"\end{tabular}"
+        rules = [r"\toprule", lines[0], r"\midrule", *lines[1:], r"\bottomrule"]
+        return "\n".join([begin, *rules, end])
+
 
 @dataclass(frozen=True)
 class Heading:
@@ -82,6 +95,16 @@ class Document:
             else:
                 blocks.append(part if isinstance(part, str) else "\n".join(f"- {x}" for x in part))
         return "\n\n".join(blocks) + "\n"
+
+    def latex(self) -> str:
+        """Return the tables of the document as LaTeX, each after its heading as a comment."""
+        blocks, title = [], self.title
+        for part in self.parts:
+            if isinstance(part, Heading):
+                title = part.text
+            elif isinstance(part, TextTable):
+                blocks.append(f"% {title}\n{part.latex()}\n")
+        return "\n".join(blocks)
 
 
 if TYPE_CHECKING:

@@ -39,7 +39,7 @@ def write_results(
     pages: Mapping[str, Document] | None = None,
     drawn: Sequence[str] | None = None,
 ) -> list[Path]:
-    """Write table.md, the CSV files, further pages and, with figures, report.html.
+    """Write table.md and .tex, the CSV files, further pages and, with figures, report.html.
 
     Tables and figures show the default composite of a network; table.csv has all composites.
     Returns the written files.
@@ -56,8 +56,10 @@ def write_results(
     shown_table = {method: table[method] for method in shown.summary.methods}
     texts = {
         "table.md": table_markdown(shown, shown_table, heading),
-        **{f"{name}.md": page.markdown() for name, page in (pages or {}).items()},
+        "table.tex": "\n".join(d.latex() for d in result_documents(shown, shown_table)),
     }
+    for name, page in (pages or {}).items():
+        texts |= {f"{name}.md": page.markdown(), f"{name}.tex": page.latex()}
     for name, text in texts.items():
         write_atomic(text.encode(), out / name)
     write_table_csv(out / "table.csv", table)

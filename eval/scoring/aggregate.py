@@ -20,13 +20,9 @@ _T = TypeVar("_T")
 
 @dataclass(frozen=True)
 class MetricMean:
-    """The mean of a metric over the set, for one method, with its interval.
+    """The mean of a metric over the set, for one method, with its 95 % interval over subjects.
 
-    Attributes:
-        mean: mean over frames.
-        low, high: ends of the 95 % interval over subjects.
-        frames: number of frames where the metric is defined.
-        undefined: number of frames where the metric is undefined.
+    ``undefined`` counts the frames where the metric is undefined, ``frames`` the others.
     """
 
     metric: Metric
@@ -41,9 +37,7 @@ class MetricMean:
 class ScoreSummary:
     """Sums of scores by method and subject; memory does not grow with the number of frames.
 
-    Attributes:
-        metrics: name -> metric, the columns of the rows.
-        bias_sums: method -> subject -> errors over distance.
+    ``bias_sums``: method -> subject -> errors over distance.
     """
 
     metrics: Mapping[str, Metric] = field(default_factory=lambda: METRICS)

@@ -32,13 +32,9 @@ BiasSums = dict[str, dict[str, BinSums]]
 
 @dataclass(frozen=True)
 class BiasBin:
-    """The bias of a method in one distance bin.
+    """The bias of a method from a distance on: the mean of prediction - truth over pixels.
 
-    Attributes:
-        from_mm: lower edge of the bin.
-        mean_mm: mean of prediction - truth over pixels.
-        low_mm, high_mm: ends of the 95 % interval over subjects; NaN for fewer than 2.
-        pixels, subjects: numbers of pixels and of subjects in the bin.
+    ``low_mm`` to ``high_mm`` is its 95 % interval over subjects; NaN for fewer than 2.
     """
 
     from_mm: int
@@ -72,11 +68,7 @@ def bias_bins(depth: NDArray[np.floating] | Depth, truth: Truth) -> BinSums:
 
 
 def add_bias(total: BiasSums, method: str, subject: str, bins: Mapping[str, list[float]]) -> None:
-    """Add distance bins to sums, in place.
-
-    Args:
-        bins: bin -> [sum of errors, number of pixels] to add.
-    """
+    """Add bins of distance, bin -> [sum of errors, number of pixels], to sums, in place."""
     known = total.setdefault(method, {}).setdefault(subject, {})
     for edge, (error, pixels) in bins.items():
         before = known.get(edge, [0.0, 0])

@@ -60,13 +60,9 @@ class ScoredBlock:
 class ScoringJob:
     """The task of an evaluation, which is sent to each worker process.
 
-    Attributes:
-        denoisers: specifications for ``glsim.load_denoiser``.
-        truth: the layer that predictions are compared with, see ``glsim.eval.scoring.pairs``.
-        baseline_every: score trivial baselines on every n-th frame; 0: never.
-        stride: score only every n-th frame.
-        device: sensor file; its fixed pattern and wiggling are subtracted from all inputs.
-        protocol: origin of depths, see ``glsim.core.depth_protocol``. Default: the files'.
+    ``baseline_every``: score trivial baselines on every n-th frame, 0: never. ``stride``: score
+    every n-th frame. ``device``: sensor file; its fixed pattern and wiggling are subtracted from
+    all inputs. ``protocol``: default, the files'.
     """
 
     dataset: Path

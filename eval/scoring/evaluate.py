@@ -34,7 +34,7 @@ from glsim.eval.scoring.blocks import FrameBlock, ScoredBlock, ScoringJob
 #: Number of frames in a block. Small blocks lose little in a crash, and all cores end together.
 _BLOCK: Final = 25
 #: Version of the scores; increase it with a change that alters the scores of a frame.
-_VERSION: Final = 3
+_VERSION: Final = 4
 
 
 @dataclass(frozen=True)
@@ -49,13 +49,7 @@ class ScoringProgress:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Result of ``evaluate``.
-
-    Attributes:
-        baselines: scores of trivial predictions.
-        bad: number of frames, or pairs of frame and method, that could not be scored.
-        first_bad: the first bad frames with reasons.
-    """
+    """Result of ``evaluate``; ``bad`` counts frames, and pairs of frame and method, unscored."""
 
     summary: ScoreSummary
     baselines: ScoreSummary

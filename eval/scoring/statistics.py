@@ -21,12 +21,9 @@ _SEED: Final = 5
 
 @dataclass(frozen=True, eq=False)
 class SubjectSums:
-    """Sums of one metric of one method for each of S subjects.
+    """Sums of one metric of one method for each of S subjects, over frames where it is defined.
 
-    Attributes:
-        sums: (S,) sums over the frames where the metric is defined.
-        counts: (S,) numbers of these frames.
-        frames: (S,) numbers of all frames.
+    ``counts`` has the numbers of these frames, ``frames`` of all.
     """
 
     sums: Array
@@ -58,9 +55,8 @@ def bootstrap_interval(values: SubjectSums) -> tuple[float, float]:
 class PairedDifference:
     """The mean of one method minus that of another, over the same subjects.
 
-    Attributes:
-        low, high: ends of its 95 % interval; both methods have the same subjects in each draw.
-        lower, subjects: number of subjects where the one method has the lower mean, and of all.
+    Both methods have the same subjects in each draw of the 95 % interval. In ``lower`` of all
+    subjects the one method has the lower mean.
     """
 
     mean: float

@@ -19,12 +19,8 @@ from glsim.denoise.registry import load_denoiser
 class TrainedRun(BaseModel):
     """A run of ``glsim train`` as described by its recipe.json and run.json.
 
-    Attributes:
-        row: row in the paper's tables; None for another network.
-        size: full, small or own.
-        description: differences from the published training.
-        state: finished, or interrupted.
-        ended: the limit that ended the training; None before the end.
+    ``row`` of the paper's tables: None for another network. ``description``: differences from the
+    published training. ``ended``: the limit that ended it; None before the end.
     """
 
     checkpoint: Path
@@ -60,13 +56,7 @@ class TrainedRun(BaseModel):
 
 
 class TrainedNetworks(NamedTuple):
-    """The trained networks of a folder.
-
-    Attributes:
-        folder: folder with a sub-folder per run of ``glsim train``.
-        runs: the networks, sorted by name.
-        refused: a reason for each omitted checkpoint.
-    """
+    """The trained networks of a folder, by name; ``refused``: why checkpoints were left out."""
 
     folder: Path
     runs: list[TrainedRun]
@@ -116,11 +106,7 @@ def _read(checkpoint: Path) -> TrainedRun:
 
 
 class SeedGroup(NamedTuple):
-    """The trainings of a network at one size with different seeds, which form a row of a table.
-
-    Attributes:
-        members: the runs, in the order of their seeds.
-    """
+    """The trainings of a network at one size, by their seeds: a row of a table."""
 
     title: str
     row: str | None

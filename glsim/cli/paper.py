@@ -128,7 +128,8 @@ def tables(
     missing there.
 
     Args:
-        table: Table of the paper: 1 (filters), 2 or 3 (networks). Repeatable.
+        table: Table of the paper: 1 (filters), 2 or 3 (networks); 4: published rivals and ours.
+            Repeatable.
     """
     from glsim.core.depth_protocol import check_protocol
     from glsim.eval.paper.score_tables import score_tables

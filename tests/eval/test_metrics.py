@@ -172,6 +172,17 @@ def test_relief_that_is_smoothed_away_is_not_kept_and_noise_takes_none() -> None
     assert math.isnan(score(flat, Truth(flat, flat, rays))["relief_kept_pct"])
 
 
+def test_a_surface_that_bends_towards_a_hole_is_concave() -> None:
+    """An error of -k x^2 / 2 has the Laplacian -k, and the curvature -k / (2 pitch^2)."""
+    column = np.tile(np.arange(96.0), (96, 1))
+    rays = np.stack([(column - 48) / 365, (column.T - 48) / 365], axis=-1)
+    clean = np.where(column < 40, 0, 900).astype(np.float32)
+    bent = np.where(column < 40, 0, 900 - 0.01 * (60 - column) ** 2 / 2).astype(np.float32)
+    added = score(bent, Truth(clean, clean, rays))["hole_curvature_per_m"]
+    assert added == pytest.approx(-1000 * 0.01 / 2 / (900 / 365) ** 2, rel=1e-2)
+    assert math.isnan(score(clean + 1, Truth(clean + 1, clean, rays))["hole_curvature_per_m"])
+
+
 def test_the_error_that_two_frames_share_is_lost_form_without_noise() -> None:
     rng = np.random.default_rng(2)
     clean, rays = _waves(6.0, 2.0), np.zeros((96, 96, 2))

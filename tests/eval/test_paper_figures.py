@@ -44,9 +44,7 @@ def data(reproduction: Path) -> Dataset:
 def test_a_note_says_whose_heads_are_shown(data: Dataset) -> None:
     note = run_note(data.path)
     assert note.startswith("test: 4 images of 4 people. Faces: embedded heads (3), D3DFACS (1).")
-    assert "In place of D3DFACS (1), FaceWarehouse (1)" in note or "FaceWarehouse (1)" in note
-    assert "Biwi (1): embedded heads." in note
-    assert "Kendrick et al." in note
+    assert "Biwi (1): embedded heads. Sensor: Kendrick et al." in note
 
 
 def test_figure_3_shows_the_set_that_is_asked_for(data: Dataset) -> None:
@@ -66,11 +64,9 @@ def test_figure_1_shows_the_frustum_and_the_shadow(data: Dataset) -> None:
     assert len(colours) > 20  # shaded
     red_over_green = colours[:, 0] / colours[:, 1]
     assert red_over_green.min() < 2 < 4 < red_over_green.max()  # lit skin, and shadow
-    rays = [line for line in near.lines if line.get_linestyle() == ":"]
-    assert len(rays) == 9
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert {"frustum, 512x424 px", "crop, 96x96 px"} <= {*labels}
-    assert "projector, 75 mm beside; its blocked rays" in labels
+    assert "projector, 75 mm beside" in labels
 
 
 @pytest.mark.long
@@ -91,9 +87,6 @@ def test_networks_of_a_folder_and_what_is_missing(
 
     monkeypatch.setattr(write, "method_panels", small)
     monkeypatch.setattr(write, "to_png", lambda figure: to_png(figure, dpi=20))
-    monkeypatch.setattr(
-        write, "frustum_figure", lambda frame, _, note: surfaces_figure(frame, note)
-    )
     paths = write.write_paper_figures(tmp_path)
     assert {path.name for path in paths} == {
         *(f"figure_{n}.png" for n in (1, 2, 3, 5, 6)), "captions.md", "paper_figures.html",

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glsim.cli import main
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError
 from glsim.data.reader import open_dataset
@@ -103,13 +102,3 @@ def test_a_network_of_the_other_protocol_is_refused(sets: dict[str, Path], tmp_p
     with pytest.raises(ConfigError, match=r"net: was trained under the protocol paper .* depth"):
         run(sets["depth"], tmp_path / "o", None, NETWORK)
     assert run(sets["depth"], tmp_path / "o", "paper", NETWORK).summary.methods == ["net"]
-
-
-def test_reports_name_the_protocol(sets: dict[str, Path], tmp_path: Path) -> None:
-    out = tmp_path / "o"
-    command = ["paper", "tables", str(sets["depth"]), "-o", str(out), "--workers", "1"]
-    assert main([*command, "--protocol", "paper", "--no-figures", "-q"]) == 0
-    text = (out / "table.md").read_text()
-    assert text.startswith("# depth, test, protocol paper\n")
-    assert "Protocol paper: the nearest point of each frame at 1 mm." in text
-    assert "Protocol paper" in (out / "paper_table_1.md").read_text()

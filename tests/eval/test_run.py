@@ -204,11 +204,8 @@ def test_tables_say_the_same(pairs: Path, tmp_path: Path) -> None:
     assert int(table["noisy", "filled_rmse_mm"]["undefined"]) == 12
     text = (out / "table.md").read_text()
     assert format_number(float(mse["mean"])) in text
-    assert "K1=0.001 K2=0.003 L=8000, 7x7 uniform window, float64" in text
-    assert "`noisy`" in text
     assert "filled_rmse_mm is undefined in 12 frames" in text
-    printed = (out / "paper_table_1.md").read_text()
-    assert "0.9986" in printed
+    assert "0.9986" in (out / "paper_table_1.md").read_text()
     report = (out / "report.html").read_text()
     assert "http" not in report.replace("http-equiv", "")
     assert "data:image/png;base64," in report

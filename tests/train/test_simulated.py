@@ -9,9 +9,11 @@ import torch
 from torch import Tensor
 
 from glsim.core.errors import ConfigError, MeshError
+from glsim.core.reason import Reason
 from glsim.data.driver import generate
 from glsim.data.reader import open_dataset
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
+from glsim.sensors.sensor import sensor_of
 from glsim.settings.schema import Settings, load_settings
 from glsim.simulation.frame import Skipped
 from glsim.simulation.pipeline import open_sources, simulate
@@ -192,3 +194,34 @@ def test_the_fingerprint_is_of_what_is_rendered() -> None:
     ]
     assert prints[0] == prints[1]
     assert len({str(p) for p in prints}) == 4
+
+
+MEASURED = [reason for reason in Reason if reason.has_depth]
+FOLDER = Path(__file__).parents[2] / "train" / "data"
+FILES = ["any_camera.toml", "any_camera_320.toml", "any_camera_640.toml", "any_camera_1024.toml"]
+
+
+def any_camera(name: str) -> Settings:
+    few = ["source.subjects=1", "source.frames_per_subject=2", "devices=2"]
+    return load_settings(FOLDER / name, few)
+
+
+def test_one_camera_at_four_sizes() -> None:
+    loaded = [any_camera(name) for name in FILES]
+    rigs = [sensor_of(s).rig for s in loaded]
+    assert [rig.intrinsics.width for rig in rigs] == [512, 320, 640, 1024]
+    assert all(0 < rig.baseline_m <= 0.075 for rig in rigs)
+    parts = [own.model_dump(exclude={"rig", "pose", "scene"}) for own in loaded]
+    assert parts == [parts[0]] * 4
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_frames_hold_a_face(name: str) -> None:
+    layers = ("clean", "expected", "noisy", "infrared", "reason")
+    first = list(simulate(any_camera(name), layers=layers))
+    for frame in first:
+        assert frame.noisy.shape == (128, 128)
+        assert (frame.noisy > 0).mean() > 0.3
+        assert ((frame.noisy > 0) == np.isin(frame.reason, MEASURED)).all()
+        assert (frame.expected != frame.clean).any()
+    assert first[0].parameters != first[1].parameters

@@ -88,8 +88,7 @@ class SimulatedPairs(IterableDataset[tuple[Tensor, Tensor]]):
             start: number of the first batch, to resume.
             length: batches per iteration; default: endless.
             backend: as in ``glsim.simulate``.
-            target: see ``StoredPairs``.
-            protocol: see ``StoredPairs``. Default: from ``settings.output.nearest_to_mm``.
+            target, protocol: see ``StoredPairs``. Default protocol: of ``settings.output``.
         """
         limits = {"batch": (batch, 1), "reuse": (reuse, 1), "start": (start, 0)}
         for name, (value, least) in (limits | {"length": (length or 0, 0)}).items():

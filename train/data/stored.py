@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from torch.utils.data import ConcatDataset, Dataset, get_worker_info
 
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.depth_protocol import DepthProtocol
+from glsim.core.errors import DatasetError
 from glsim.core.seeds import pcg_rng
 from glsim.core.units import from_steps
 from glsim.data.reader import open_dataset
@@ -124,11 +126,8 @@ class StoredPairs(PairDataset):
 
         Args:
             crop: side of the square frames, px. Default: whole frames, all of one size.
-            seed: seed of ``augmentation`` and random crops.
-            target: the layer that is learnt; "expected" contains the sensor's systematic error.
             protocol: origin of depths, see ``glsim.core.depth_protocol``. Default: as in the files.
-            cache_mb: largest decoded split, MB, that stays in memory; 0: the files are read in each
-                epoch. Workers of a DataLoader always read files, because each would hold a copy.
+            cache_mb: largest decoded split, MB, in memory; workers do not copy it, but read files.
         """
         super().__init__()
         self.dataset = open_dataset(dataset)
@@ -232,6 +231,43 @@ class StoredPairs(PairDataset):
         depth_mm, offset_mm = frame.layer(f"{layer}_mm"), frame.record["depth_offset_mm"]
         steps = np.rint((depth_mm - np.float32(offset_mm)) / np.float32(frame.step_mm))
         return np.where(depth_mm > 0, steps, 0).astype(np.uint16)
+
+
+#: Standard deviation of noise on photographs, grey values: Zhang et al. 2017, and a tenth of the
+#: range in Monroy et al. 2025.
+_GREY_SIGMA: Final = 25.0
+
+
+class Photographs(PairDataset):
+    """Random cuts of photographs with Gaussian noise, (noisy, clean): grey values as 1 to 256 mm.
+
+    Smaller pictures are mirrored at their edges. No pixel is 0, which would be a hole.
+    """
+
+    def __init__(self, folder: Path, side: int, seed: int) -> None:
+        """List the pictures. Raises DatasetError without any."""
+        super().__init__()
+        self._files = sorted(file for file in folder.glob("*") if cv2.haveImageReader(str(file)))
+        if not self._files:
+            raise DatasetError(f"data.photographs = {folder}: holds no pictures")
+        self._side, self._seed = side, seed
+        sizes = [(file.name, file.stat().st_size) for file in self._files]
+        self.identity = f"{zlib.crc32(repr(sizes).encode()):08x}"
+
+    def __len__(self) -> int:
+        return len(self._files)
+
+    def __getitem__(self, index: int) -> Batch:
+        """Return a pair, (1, H, W) each. Raises DatasetError for an unreadable picture."""
+        rng = pcg_rng("photograph", self._seed, int(self._epoch.item()), index)
+        grey = cv2.imread(str(self._files[index]), cv2.IMREAD_GRAYSCALE)
+        if grey is None:
+            raise DatasetError(f"{self._files[index]}: cannot be read as a picture")
+        grey = np.pad(grey, [(0, max(0, self._side - n)) for n in grey.shape], mode="symmetric")
+        top, left = (int(rng.integers(size - self._side + 1)) for size in grey.shape)
+        clean = grey[top : top + self._side, left : left + self._side].astype(np.float32) + 1
+        noisy = clean + np.float32(_GREY_SIGMA) * rng.standard_normal(clean.shape, np.float32)
+        return _tensor(np.maximum(noisy, 1)[None]), _tensor(clean[None])
 
 
 def _tensor(images: NDArray[np.float32]) -> Tensor:

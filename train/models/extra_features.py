@@ -46,13 +46,9 @@ def extra_channels(inputs: NetworkInputs) -> int:
 def infrared_features(infrared: Tensor, surface_log: Tensor) -> Tensor:
     """Compute the features of infrared images; 0 at pixels without counts.
 
-    Args:
-        infrared: (B, 1, H, W) counts.
-        surface_log: (B, 1, H, W) mean of log(1 + counts) over each pixel's surface.
-
-    Returns:
-        (B, 2, H, W): log infrared minus the surface's mean (independent of the gain), and
-        log(1 + counts) / 8 (noise depends on it).
+    ``surface_log`` is the mean of log(1 + counts) over each pixel's surface. Returns (B, 2, H, W):
+    log infrared minus that mean (independent of the gain), and log(1 + counts) / 8 (noise depends
+    on it).
     """
     measured = (infrared > 0).to(infrared.dtype)
     log = log_counts(infrared)
@@ -105,13 +101,9 @@ def neighbour_features(neighbours_mm: Tensor, fill_mm: Tensor, mean: MeanOverTim
 
     Every channel is 0 for missing and invalid neighbours, and for differences above 50 mm.
 
-    Args:
-        neighbours_mm: (B, N, H, W), 0 = no return.
-        fill_mm: (B, 1, H, W) mean over time, without holes.
-
-    Returns:
-        (B, 2 N + 2, H, W): N motion-compensated differences, asinh(mm / 10); N similarities, 1 for
-        equal depth, 0 beyond 50 mm; offset (in 10 mm) and weight of the mean over time.
+    ``fill_mm`` is the mean over time, without holes. Returns (B, 2 N + 2, H, W): N
+    motion-compensated differences, asinh(mm / 10); N similarities, 1 for equal depth, 0 beyond
+    50 mm; offset (in 10 mm) and weight of the mean over time.
     """
     difference, near = _differences(neighbours_mm, fill_mm)
     still = (difference - mean.motion_mm) * near

@@ -153,11 +153,7 @@ def own_surface_mean(values: Tensor, fill_mm: Tensor, noisy_mm: Tensor, known: T
 
     The 5x5 samples are 3 px apart, within 50 mm of ``fill_mm``, with Tukey's weights.
 
-    Args:
-        values: (B, 1, H, W) values to average.
-        fill_mm: depth with filled holes, the surface of each pixel.
-        noisy_mm: measured depth; 0 = none.
-        known: mask of the known values.
+    ``fill_mm`` is depth with filled holes, ``known`` the mask of the values.
     """
     depths = _taps(torch.where((noisy_mm > 0) & known, noisy_mm, torch.inf), torch.inf)
     weight = tukey(((depths - fill_mm) / FLYING_MM).clamp(-1, 1))

@@ -20,14 +20,8 @@ def weighted_mean(
 ) -> tuple[Tensor, Tensor]:
     """Compute the Gaussian mean of the known pixels.
 
-    Args:
-        depth_mm: (B, C, H, W) values.
-        known: (B, C, H, W) mask, 0 or 1.
-        radius: radius of the window, px.
-        sigma: standard deviation of the Gaussian, px.
-
-    Returns:
-        The mean, 0 without known pixels, and the mask (0 or 1) of windows with known pixels.
+    ``depth_mm`` and ``known`` (0 or 1) are (B, C, H, W); radius and sigma are in pixels. Returns
+    the mean, 0 without known pixels, and the mask (0 or 1) of windows with known pixels.
     """
     total, weight = blurred(torch.cat([depth_mm * known, known]), radius, sigma).chunk(2)
     reached = weight > TINY

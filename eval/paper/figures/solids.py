@@ -31,8 +31,6 @@ _AMBIENT: Final = 0.35
 #: Colours of a surface: lit by the projector, in the projector's shadow, and skin.
 _LIT, _SHADOW, _SKIN = "#e9b98a", "#7b1e3a", "#dbccbd"
 _CAMERA, _PROJECTOR, _FRUSTUM, _WINDOW = "#1a1a1a", "#c0392b", "#5f6f7f", "#0072b2"
-#: Number of rays drawn from the projector to points in its shadow.
-_RAYS: Final = 9
 #: Size of a box in its axes: at 1, labels are cut.
 _ZOOM: Final = 0.88
 #: Margin around a head, mm.
@@ -79,8 +77,6 @@ def frustum_figure(frame: DepthFrame, rig: SensorRig, note: str) -> Any:
             _draw_frustum(axis, frame.intrinsics, far, _WINDOW)
             axis.plot([0], [0], [0], marker="s", color=_CAMERA, markersize=5, linestyle="")
             axis.plot(*emitters.T, marker="D", color=_PROJECTOR, markersize=5, linestyle="")
-        else:
-            _draw_rays(axis, frame, lit, emitters, start)
     figure.legend(
         handles=_legend(frame, rig), loc="outside upper center", ncols=3, fontsize=_TEXT_SIZE - 1,
         frameon=False,
@@ -179,21 +175,6 @@ def _draw_frustum(axis: Any, camera: Intrinsics, far_mm: float, colour: str) -> 
     axis.plot(*np.concatenate([ends, ends[:1]]).T, color=colour, linewidth=0.8)
 
 
-def _draw_rays(
-    axis: Any, frame: DepthFrame, lit: NDArray[np.floating], emitters: Points, low: Points
-) -> None:
-    """Draw rays from the projector to points in its shadow, within the box of the axes."""
-    rows, columns = np.nonzero((frame.clean_mm > 0) & (lit == 0))
-    if not len(rows) or not len(emitters):
-        return
-    points = to_figure_axes(frame.intrinsics.unproject(frame.clean_mm))[rows, columns]
-    order = np.argsort(points[:, 2])
-    for point in points[order[np.linspace(0, len(order) - 1, _RAYS).astype(int)]]:
-        share = (low[1] - emitters[0, 1]) / (point[1] - emitters[0, 1])  # entry into the box
-        start = emitters[0] + share * (point - emitters[0])
-        axis.plot(*np.stack([start, point]).T, color=_PROJECTOR, linewidth=0.6, linestyle=":")
-
-
 def _legend(frame: DepthFrame, rig: SensorRig) -> list[Any]:
     patch, line = matplotlib("patches").Patch, matplotlib("lines").Line2D
     handles = [
@@ -203,7 +184,7 @@ def _legend(frame: DepthFrame, rig: SensorRig) -> list[Any]:
     ]  # fmt: skip
     handles.append(line([], [], color=_CAMERA, marker="s", linestyle="", label="camera"))
     if rig.emitters:
-        text = f"projector, {MM_PER_M * rig.baseline_m:.0f} mm beside; its blocked rays"
-        handles.append(line([], [], color=_PROJECTOR, marker="D", linestyle=":", label=text))
+        text = f"projector, {MM_PER_M * rig.baseline_m:.0f} mm beside"
+        handles.append(line([], [], color=_PROJECTOR, marker="D", linestyle="", label=text))
     handles.append(patch(facecolor=_LIT, label="seen and lit"))
     return [*handles, patch(facecolor=_SHADOW, label="seen, in the projector's shadow")]
