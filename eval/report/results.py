@@ -58,8 +58,8 @@ def write_results(
         "table.md": table_markdown(shown, shown_table, heading),
         "table.tex": "\n".join(d.latex() for d in result_documents(shown, shown_table)),
     }
-    for name, page in (pages or {}).items():
-        texts |= {f"{name}.md": page.markdown(), f"{name}.tex": page.latex()}
+    for stem, document in (pages or {}).items():
+        texts |= {f"{stem}.md": document.markdown(), f"{stem}.tex": document.latex()}
     for name, text in texts.items():
         write_atomic(text.encode(), out / name)
     write_table_csv(out / "table.csv", table)

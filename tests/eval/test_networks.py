@@ -45,8 +45,7 @@ def row_of(text: str, *cells: str) -> list[str]:
 
 def test_all_tables_from_one_scoring(runs: Path, tmp_path: Path) -> None:
     pairs, out = write_pairs(tmp_path / "pairs"), tmp_path / "o"
-    tables = ("--table", "1", "--table", "2", "--table", "3", "--table", "4")
-    tables += ("--runs", str(runs))
+    tables = ["--table", "1", "--table", "2", "--table", "3", "--table", "4", "--runs", str(runs)]
     assert main(command(pairs, out, *tables, "-d", "masked_gaussian")) == 0
     one, two, three = ((out / f"paper_table_{n}.md").read_text() for n in (1, 2, 3))
     means = {
