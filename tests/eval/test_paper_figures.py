@@ -102,10 +102,3 @@ def test_networks_of_a_folder_and_what_is_missing(
     assert "Missing, without a checkpoint: D20, D64." in text
     assert text.count("embedded heads") >= 5
     assert text.count("3 trainings (seeds 0) of 10 steps, 0.075 h.") >= 5
-
-
-def test_without_data_there_is_nothing_to_draw(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert main(["paper", "figures", str(tmp_path)]) == 2
-    assert f"run glsim paper reproduce -o {tmp_path} first" in capsys.readouterr().err
