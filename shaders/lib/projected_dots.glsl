@@ -20,7 +20,7 @@ uniform float dot_variation = 0.4;      //@ [0, 1]      1    dots differ in brig
 uniform float fall_off_power = 1.0;     //@ [0, 16]     1    the light falls with this power of the cosine to the projector's axis, besides distance and angle of incidence; chosen
 
 uniform float texture_share = 0.0;      //@ [0, 1]      1    grain of surfaces: their albedo varies by up to this share; cameras without a projector see pores and cloth. It does not move with the surface
-uniform float texture_mm = 1.5;         //@ [0.1, 100; 0.5, 10] mm size of a grain
+uniform float texture_mm = 1.5;         //@ [0.1, 100; 0.5, 10] mm size of a grain nearer than 0.5 m, twice as large from there on, four times from 1 m, and so on
 
 uniform uint u_device_seed;
 uniform uint u_sequence_seed;
@@ -91,9 +91,9 @@ float projected(vec3 point, vec3 normal, vec3 emitter, float lit, uint key) {
 }
 
 // Grain of the surface at a point, -1 to 1: random values at the corners of cubes, interpolated.
-// In daylight the size doubles from distance to distance, 0.5, 1, 2 m: natural surfaces have texture of all sizes.
+// The size doubles from distance to distance, 0.5, 1, 2 m: surfaces have texture of all sizes.
 float grain(vec3 point) {
-    float size_mm = daylight > 0.0 ? texture_mm * exp2(floor(log2(max(2.0 * point.z, 1.0)))) : texture_mm;
+    float size_mm = texture_mm * exp2(floor(log2(max(2.0 * point.z, 1.0))));
     vec3 place = point * 1000.0 / size_mm;
     ivec3 cell = ivec3(floor(place));
     vec3 part = place - vec3(cell);

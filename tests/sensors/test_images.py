@@ -201,8 +201,8 @@ def test_depth_is_measured_by_the_image(context: Context, tmp_path: Path) -> Non
     both = (frame.clean > 0) & (frame.noisy > 0)
     assert both.mean() > 0.6
     assert np.median(np.abs(frame.noisy.astype(float) - frame.clean)[both]) < 15
-    dark = frame_of(sensor, stereo_light={"gain_counts": 0})
-    assert (dark.noisy > 0).mean() < 0.4, "without the pattern little is found"
+    dark = frame_of(sensor, stereo_light={"gain_counts": 0, "texture_share": 0})
+    assert (dark.noisy > 0).mean() < 0.4, "without pattern and texture little is found"
 
 
 def test_none_of_a_fine_pattern_is_lost(tmp_path: Path) -> None:

@@ -147,11 +147,8 @@ def _imaged_light(
 
 
 def _grain(view: FrameContext, point: Image, p: Parameters) -> Image:
-    size_mm = p["texture_mm"]
-    if p["daylight"] > 0:
-        far = np.maximum(np.float32(2) * point[..., 2:], np.float32(1))
-        size_mm = size_mm * np.exp2(np.floor(np.log2(far)))
-    place = point * np.float32(1000) / size_mm
+    far = np.maximum(np.float32(2) * point[..., 2:], np.float32(1))
+    place = point * np.float32(1000) / (p["texture_mm"] * np.exp2(np.floor(np.log2(far))))
     cell = np.floor(place).astype(np.int64)
     part = place - cell.astype(np.float32)
     total = np.zeros(point.shape[:-1], np.float32)
