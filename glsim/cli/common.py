@@ -25,7 +25,7 @@ import typer
 from rich.console import Console
 from typer.core import TyperCommand
 
-from glsim.core.errors import ConfigError, GlsimError, one_line
+from glsim.core.errors import ConfigError, GlsimError, one_line, require_package
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -371,6 +371,21 @@ JsonFileOption = Annotated[
         help="Write all numbers as JSON; - prints them instead of a table. Default: no file.",
     ),
 ]
+
+
+def _check_figure(file: Path | None) -> Path | None:
+    if file is not None:
+        require_package("matplotlib", "--figure", "eval")
+    return file
+
+
+FigureOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--figure", metavar="FILE.png", callback=_check_figure,
+        help="Draw real or published beside simulated on one page. Default: no file.",
+    ),
+]  # fmt: skip
 #: Value of JsonFileOption that means stdout.
 STDOUT = Path("-")
 

@@ -9,6 +9,7 @@ import typer
 
 from glsim.cli.common import (
     STDOUT,
+    FigureOption,
     JsonFileOption,
     check_outputs,
     options,
@@ -34,6 +35,7 @@ def compare(
     ] = None,
     out: Annotated[Path | None, typer.Option("-o", "--out", metavar="FILE.md")] = None,
     json_file: JsonFileOption = None,
+    figure: FigureOption = None,
     frames: Annotated[int, typer.Option(min=1, max=2000)] = 60,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     smooth_px: Annotated[float | None, typer.Option(min=0.5, max=20)] = None,
@@ -80,18 +82,19 @@ def compare(
         raise ConfigError("give the simulated frames, or --replay SENSOR to make them of the real")
     if assignments and replay_sensor is None:
         raise ConfigError("--set changes the sensor of --replay: add --replay SENSOR")
-    check_outputs(json_file, out)
+    check_outputs(json_file, out, figure)
     opened = [open_maps(first, unit_mm=depth_unit_mm, topic=topic)]
     real = opened[0].read(frames, focal_px)
     sentences = []
     if second is not None:
         own = topic if whole_recording([second]) else None
         opened.append(open_maps(second, unit_mm=depth_unit_mm, topic=own))
-        comparison = compare_sets(real, opened[1].read(frames, focal_px), progress=print_message)
+        other = opened[1].read(frames, focal_px)
+        comparison = compare_sets(real, other, progress=print_message)
     else:
         require_package("scipy", "--replay", "eval")
         stated = focal_px is not None or not opened[0].assumed
-        comparison, sentence = compare_replay(
+        comparison, other, sentence = compare_replay(
             real, str(replay_sensor), stated, print_message,
             seed=seed, assignments=assignments or (), smooth_px=smooth_px,
         )  # fmt: skip
@@ -107,6 +110,11 @@ def compare(
             print_message(line.replace("*", ""))
     elif not options.quiet and json_file != STDOUT:
         typer.echo(table, nl=False)
+    if figure is not None:
+        from glsim.bench.figures import draw_comparison
+
+        draw_comparison(comparison, real, other, figure)
+        written.append(figure)
     print_written(written)
     sentences += [recording.sentence(focal_px, replay_sensor or "") for recording in opened]
     for note in filter(None, dict.fromkeys(sentences)):

@@ -3,25 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from glsim.cli.common import (
     JsonOption,
     check_outputs,
-    make_console,
     options,
     print_json,
     print_message,
     print_written,
 )
 from glsim.core.errors import ConfigError
-
-if TYPE_CHECKING:
-    from glsim.bench.fit.fitted_sensor import FittedSensor
-    from glsim.measures.depth_noise import Cell
 
 EXAMPLES = """
 glsim fit recording/
@@ -115,12 +109,11 @@ def fit(
     fitted = replace(fitted, text="\n".join(head) + "\n" + fitted.text, lines=lines)
     written = write_fitted(fitted, out)
     if as_json:
-        cells = {} if fitted.table is None else {"sigma_mm": _cells(fitted.table)}
         facts = {"proof": table, "better_than_base": better if proof else None}
-        print_json({"sensor": str(out), "results": fitted.lines, **facts, **cells})
+        print_json({"sensor": str(out), "results": fitted.lines, **facts})
     elif not options.quiet:
-        _print(fitted)
-        typer.echo("\n".join(table))
+        results = [f"{name}: {text}" for name, text in lines.items()]
+        typer.echo("\n".join([*results, *table]))
     print_written(written)
     sentence = recording.sentence(focal_px, "the base sensor")
     for note in filter(None, (*fitted.notes, sentence)):
@@ -134,29 +127,3 @@ def _part(text: str) -> slice:
     if not colon or not all(not end or end.isdecimal() for end in (first, last)):
         raise ConfigError(f"--frames {text}: give the first frame and the one after the last, 0:60")
     return slice(int(first or 0), int(last) if last else None)
-
-
-def _cells(table: tuple[Cell, ...]) -> list[dict[str, Any]]:
-    """Return the table of sigma as JSON values."""
-    return [
-        {"distance_m": list(cell.distance_m), "radius_px": list(cell.radius_px),
-         "sigma_mm": float(cell.value), "pixels": int(cell.pixels)}
-        for cell in table
-    ]  # fmt: skip
-
-
-def _print(fitted: FittedSensor) -> None:
-    out = make_console()
-    for name, text in fitted.lines.items():
-        out.print(f"{name}: {text}", soft_wrap=True)
-    if fitted.table is None:
-        return
-    radii = sorted({cell.radius_px for cell in fitted.table})
-    table = Table(box=None)
-    for name in ("sigma, mm", *(f"{a:.0f}-{b:.0f} px" for a, b in radii)):
-        table.add_column(name, no_wrap=True)
-    for distance in sorted({cell.distance_m for cell in fitted.table}):
-        sigma = {c.radius_px: c.value for c in fitted.table if c.distance_m == distance}
-        cells = (f"{sigma[r]:.2f}" if r in sigma else "" for r in radii)
-        table.add_row(f"{distance[0]:g} to {distance[1]:g} m", *cells)
-    out.print(table)

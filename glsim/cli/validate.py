@@ -13,6 +13,7 @@ from glsim.cli.common import (
     SENSORS,
     STDOUT,
     BackendOption,
+    FigureOption,
     JsonFileOption,
     check_outputs,
     options,
@@ -38,6 +39,7 @@ def validate(
     sensor: Annotated[str, typer.Argument(autocompletion=SENSORS)],
     json_file: JsonFileOption = None,
     markdown_file: Annotated[Path | None, typer.Option("--markdown", metavar="FILE.md")] = None,
+    figure: FigureOption = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     frames: Annotated[int, typer.Option(min=8, max=2000)] = 64,
     backend: BackendOption = None,
@@ -59,7 +61,7 @@ def validate(
     from glsim.bench.validate import validate_sensor
     from glsim.core.files.atomic import write_atomic
 
-    check_outputs(json_file, markdown_file)
+    check_outputs(json_file, markdown_file, figure)
     report = validate_sensor(sensor, seed=seed, frames=frames, backend=backend)
     if not options.quiet and json_file != STDOUT:
         _print(report)
@@ -69,6 +71,11 @@ def validate(
     if markdown_file is not None:
         write_atomic(report.as_markdown().encode(), markdown_file)
         written.append(markdown_file)
+    if figure is not None:
+        from glsim.bench.figures import draw_validation
+
+        draw_validation(report, figure)
+        written.append(figure)
     print_written(written)
     print_message(report.summary)
     return 0 if report.passed else 1

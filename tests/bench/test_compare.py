@@ -12,6 +12,7 @@ from glsim.bench.compare.comparison import compare_sets
 from glsim.bench.compare.patches import surface_patches
 from glsim.cli import main
 from glsim.core.depth_frame import Frames
+from glsim.core.files.png import read_image
 from glsim.data.maps import open_maps
 from tests.support.planted_frames import frames_of, noisy, plane, shadowed
 from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
@@ -102,13 +103,14 @@ def test_the_command_writes_table_and_json(
 ) -> None:
     """Sets of unlike numbers of frames, one of them without infrared."""
     first, second = _write(tmp_path / "a", 1, 2, infrared=True), _write(tmp_path / "b", 9, 1)
-    files = [tmp_path / name for name in ("t.md", "t.json")]
-    options = ["-o", files[0], "--json", files[1]]
+    files = [tmp_path / name for name in ("t.md", "t.json", "t.png")]
+    options = ["-o", files[0], "--json", files[1], "--figure", files[2]]
     assert main(["compare", str(first), str(second), "-q", *map(str, options)]) == 0
     assert "temporal sigma" in files[0].read_text()
     tree = json.loads(files[1].read_text())
     assert tree["first"]["light"] is not None
     assert tree["second"]["light"] is None
+    assert len(np.unique(read_image(files[2]))) > 100
     assert main(["compare", str(first), str(second)]) == 0
     assert capsys.readouterr().out.startswith("# a against b")
 

@@ -17,6 +17,7 @@ from glsim.bench.validate.checks.triangulation import board_measurements
 from glsim.bench.validate.report import Band, Check, CheckResult, Measurement, ValidationReport
 from glsim.cli import main
 from glsim.core.errors import ConfigError
+from glsim.core.files.png import read_image
 from glsim.data.maps import open_maps
 from glsim.measures.lattice import on_lattice
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor, shipped_sensors
@@ -212,8 +213,8 @@ def test_the_sheet_notices_another_matcher(
 
 
 def test_command_writes_table_and_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    files = [str(tmp_path / "out" / name) for name in ("checks.json", "table.md")]
-    arguments = ["--frames", "8", "--json", files[0], "--markdown", files[1]]
+    files = [str(tmp_path / "out" / name) for name in ("checks.json", "table.md", "a.png")]
+    arguments = ["--frames", "8", "--json", files[0], "--markdown", files[1], "--figure", files[2]]
     assert main(["validate", "kinect-v2-paper", *arguments]) == 0
     printed = capsys.readouterr()
     assert "9 x 9 window" in printed.out
@@ -221,6 +222,7 @@ def test_command_writes_table_and_json(tmp_path: Path, capsys: pytest.CaptureFix
     assert "AUC" not in printed.err  # no real frame of it
     assert json.loads(Path(files[0]).read_text())["passed"] is True
     assert Path(files[1]).read_text().count("\n") == 12
+    assert len(np.unique(read_image(Path(files[2])))) > 10
 
 
 def test_command_fails_for_a_wrong_sensor_and_refuses_an_unknown_one(

@@ -136,13 +136,13 @@ def compare_replay(
     seed: int = 0,
     assignments: Sequence[str] = (),
     smooth_px: float | None = None,
-) -> tuple[Comparison, str]:
+) -> tuple[Comparison, Frames, str]:
     """Compare real frames with their replay in the mode in which they were delivered.
 
     Of modes that cannot be told apart, the one whose surfaces are told less is chosen. Also returns
-    a sentence about the mode, the smoothing, and other modes.
+    the replay, and a sentence about the mode, the smoothing, and other modes.
     """
-    tried: list[tuple[float, Comparison, str, str]] = []
+    tried: list[tuple[float, Comparison, Frames, str]] = []
     for mode in possible_modes(load_sensor(sensor), real, stated, find_lattice(real)):
         progress(f"rendering {len(real)} frames through {sensor}: {mode.name}")
         grid = Frames.of([f.changed(intrinsics=mode.image) for f in real], real.title)
@@ -150,14 +150,14 @@ def compare_replay(
             grid, sensor, seed=seed, assignments=assignments, smooth_px=smooth_px, mode=mode
         )
         comparison = compare_sets(grid, made, progress=progress)
-        tried.append((comparison.told, comparison, mode.name, made.note))
+        tried.append((comparison.told, comparison, made, mode.name))
     tried.sort(key=lambda entry: entry[0])
-    (_, comparison, name, note), *others = tried
-    sentence = f"{real.title}: taken for frames in {name}; {note}"
+    (_, comparison, made, name), *others = tried
+    sentence = f"{real.title}: taken for frames in {name}; {made.note}"
     if others:
-        also = "; ".join(f"{other[2]}: {other[0]:.2f}" for other in others)
+        also = "; ".join(f"{other[3]}: {other[0]:.2f}" for other in others)
         sentence += f". Chosen by the AUC of surfaces, {tried[0][0]:.2f}; {also}"
-    return comparison, sentence
+    return comparison, made, sentence
 
 
 def _grid(camera: Intrinsics) -> dict[str, Any]:

@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
-from glsim.measures.depth_noise import Cell
 from glsim.settings.toml_tables import toml_value
 
 #: Stands in the text of a sensor for the name of the map's file.
@@ -28,7 +27,6 @@ class FittedSensor:
     Attributes:
         lines: name of a result -> its text.
         map_mm: (H, W) float32 fixed pattern of the device, NaN = unknown. None: not measured.
-        table: temporal noise by distance and radius; None for cameras that match images.
     """
 
     text: str
@@ -36,7 +34,6 @@ class FittedSensor:
     lines: Mapping[str, str]
     notes: tuple[str, ...] = ()
     map_mm: NDArray[np.float32] | None = None
-    table: tuple[Cell, ...] | None = None
 
 
 def write_fitted(fitted: FittedSensor, file: Path) -> list[Path]:

@@ -15,8 +15,7 @@ from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.errors import DatasetError
 from glsim.core.units import MM_PER_M
 from glsim.measures.correlation import correlation_of, lagged_sums, without_local_mean
-from glsim.measures.depth_noise import Cell, root_cells
-from glsim.measures.measured_frame import mean_frame, radius_px
+from glsim.measures.measured_frame import mean_frame
 from glsim.measures.pattern import measure_pattern
 from glsim.measures.quadrics import local_planes
 from glsim.measures.stacks import mean_of, moments
@@ -85,7 +84,6 @@ class RecordingStatistics:
         mean_mm: (H, W) mean over time; NaN where too few frames have depth.
         variance_mm2: (H, W) variance over time; NaN where too few frames have depth.
         smooth: (H, W) mask of smooth surfaces without holes.
-        table: temporal noise by distance and radius; the noise of rounding is subtracted.
         correlation: correlation of the temporal noise between pixels, at LAGS.
         pattern: parameters of the stage ``fixed_pattern``, mm.
         pixel_correlation: correlation of the pattern's single pixels at 1 px.
@@ -96,7 +94,6 @@ class RecordingStatistics:
     mean_mm: Array
     variance_mm2: Array
     smooth: Mask
-    table: tuple[Cell, ...]
     correlation: tuple[float, ...]
     pattern: Mapping[str, float]
     pixel_correlation: float
@@ -120,14 +117,11 @@ def measure_recording(frames: Frames) -> RecordingStatistics:
     flat = lit & _flat_mask(whole.infrared, mean, steady)
     used = flat if flat.sum() >= _LEAST_FLAT_PX else lit
     pattern, alike = pattern_parameters([mean_frame(frames[start::2]) for start in (0, 1)])
-    quantum = frames[0].step_mm ** 2 / 12.0
-    samples = [(mean, radius_px(whole), np.where(smooth, variance - quantum, np.nan))]
     return RecordingStatistics(
         frames=len(frames),
         mean_mm=np.where(steady, mean, np.nan),
         variance_mm2=np.where(steady, variance, np.nan),
         smooth=smooth,
-        table=root_cells(samples),
         # The differences of successive frames contain temporal noise only.
         correlation=correlation_of(
             lagged_sums(without_local_mean(np.where(smooth, b - a, np.nan)))

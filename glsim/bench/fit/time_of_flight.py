@@ -95,7 +95,7 @@ def fit_time_of_flight(
     ]
     waves = wiggling.waves() if wiggling is not None else ()
     text = fitted_toml(base, tree, values, image, comments, PATTERN_MAP if usable else "", waves)
-    return FittedSensor(text, image, lines, (), statistics.map_mm, statistics.table)
+    return FittedSensor(text, image, lines, (), statistics.map_mm)
 
 
 def _parameters(tree: Mapping[str, Any], *names: str) -> dict[str, float]:
