@@ -74,11 +74,7 @@ HOMES = {
     "safetensors": ("glsim.networks.checkpoint",),
     "lightning_fabric": ("glsim.train",),
     "tensorboard": ("glsim.train",),
-    "matplotlib": (
-        "glsim.eval.report.figures",
-        "glsim.eval.paper.figures",
-        "glsim.bench.figures",
-    ),
+    "matplotlib": ("glsim.eval.report.figures", "glsim.eval.paper.figures", "glsim.bench.figures"),
     "jinja2": ("glsim.eval.report.document",),
     "nicegui": ("glsim.cli.tune_page",),
     "fastapi": ("glsim.cli.tune_page.page",),

@@ -33,11 +33,10 @@ def draw_comparison(comparison: Comparison, first: Frames, second: Frames, file:
         reliefs = [_relief(depth) for depth in depths]
         near, far = np.quantile(depths[0][depths[0] > 0], (0.02, 0.98))
         most = _COLOURS * float(np.nanmedian(np.abs(reliefs[0])))
-        for axis, depth in zip(row[:2], depths, strict=True):
-            shown = np.where(depth > 0, depth, np.nan)
+        for axis, depth, relief in zip(row[:2], depths, reliefs, strict=True):
+            shown, beside = np.where(depth > 0, depth, np.nan), row[2 + (axis is row[1])]
             axis.imshow(shown, cmap="viridis_r", vmin=near, vmax=far, interpolation="nearest")
-        for axis, relief in zip(row[2:], reliefs, strict=True):
-            axis.imshow(relief, cmap="RdBu", vmin=-most, vmax=most, interpolation="nearest")
+            beside.imshow(relief, cmap="RdBu", vmin=-most, vmax=most, interpolation="nearest")
         row[3].set_ylabel(f"+-{most:.1f} mm", fontsize=8)
         row[3].yaxis.set_label_position("right")
     names = [frames.title[-40:] for frames in (first, second)]
@@ -57,11 +56,8 @@ def draw_validation(report: ValidationReport, file: Path) -> None:
     places = [_place(band, value) for _, band, value in rows]
     colours = ["C0" if band.holds(value) else "C3" for _, band, value in rows]
     axis.scatter(places, range(len(rows)), c=colours, s=14, zorder=2, label="simulated")
-    axis.set_yticks(
-        range(len(rows)),
-        [f"{r.check.number}: {b.key} {v:.3g} ({b.text})" for r, b, v in rows],
-        fontsize=7,
-    )
+    names = [f"{r.check.number}: {b.key} {v:.3g} ({b.text})" for r, b, v in rows]
+    axis.set_yticks(range(len(rows)), names, fontsize=7)
     axis.set(xlim=(-1.1, 2.1), ylim=(len(rows) - 0.5, -0.5), xticks=[])
     axis.set_title(f"{report.title}\n{report.sheet}", fontsize=9)
     axis.legend(fontsize=7, loc="upper right")

@@ -97,9 +97,7 @@ def fit(
         unseen = slice(used.stop, last)
         result = prove(recording, unseen, fitted, own, print_message)
         better = result.better
-        title = (
-            f"Frames {unseen.start} to {last - 1}, which the fit did not use, and their replays:"
-        )
+        title = f"Frames {unseen.start} to {last - 1}, unseen by the fit, and their replays:"
         table = [title, *result.lines]
         if not better:
             table.append(f"Not better than {own} by two standard errors: {own} is recommended.")

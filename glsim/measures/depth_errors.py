@@ -58,14 +58,12 @@ def noise_table(frames: Iterable[DepthFrame], sensor: str) -> str:
     both_px, lost_px, grown_px = sums[:3]
     surface = both_px + lost_px
     rows = [
-        ("sensor", sensor),
-        ("frames measured", f"{number}"),
+        ("sensor", sensor), ("frames measured", f"{number}"),
         ("surface pixels per frame", f"{surface / number:.0f}"),
-        ("noisy - clean, mean", f"{bias:+.2f} mm"),
-        ("noisy - clean, rms", f"{rms:.2f} mm"),
+        ("noisy - clean, mean", f"{bias:+.2f} mm"), ("noisy - clean, rms", f"{rms:.2f} mm"),
         ("surface lost", f"{100 * lost_px / max(surface, 1):.2f} %"),
         ("depth where there is no surface", f"{grown_px / number:.1f} px per frame"),
-    ]
+    ]  # fmt: skip
     rows += [
         (f"{code.name.lower()}: {code.help}", f"{count / number:.1f} px per frame")
         for code, count in sorted(reasons.items())

@@ -155,15 +155,9 @@ def measure_disparity_noise(
     differences = np.concatenate([np.zeros((0, TILE_PX, TILE_PX)), *squares])
     rows, columns = _correlations(residual, pooled=False)
     return DisparityNoise(
-        int(sigma.size),
-        _median([sigma]),
-        rows,
-        columns,
-        len(pairs),
-        _median(frame),
-        float(np.sqrt(np.maximum(_median(static), 0.0))),
-        *_correlations(differences, pooled=True),
-    )
+        int(sigma.size), _median([sigma]), rows, columns, len(pairs), _median(frame),
+        float(np.sqrt(np.maximum(_median(static), 0.0))), *_correlations(differences, pooled=True),
+    )  # fmt: skip
 
 
 def _correlations(tiles: Array, *, pooled: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:

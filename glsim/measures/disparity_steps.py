@@ -82,13 +82,9 @@ def find_steps(disparity: Array) -> Steps:
     between = (around > (low + margin)[:, None, None]) & (around < (high - margin)[:, None, None])
     missing = np.cumsum(np.pad(~known, ((0, 0), (1, 0))), axis=1)
     return Steps(
-        right[used],
-        start - end,
-        missing[row, start] - missing[row, end],
-        step,
-        np.isfinite(around).sum(axis=(1, 2)),
-        between.sum(axis=(1, 2)),
-    )
+        right[used], start - end, missing[row, start] - missing[row, end], step,
+        np.isfinite(around).sum(axis=(1, 2)), between.sum(axis=(1, 2)),
+    )  # fmt: skip
 
 
 def measure_gaps(found: Sequence[Steps], right: bool) -> tuple[float, float]:

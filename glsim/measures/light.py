@@ -104,13 +104,9 @@ def measure_light(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]
         for inner, outer in pairwise(RINGS_PX)
     ]
     return Light(
-        measure_noise_law(frames, pairs),
-        _fit_law(over_space),
-        tuple(by_distance),
-        float(np.median(known)) if known else float("nan"),
-        tuple(rings),
-        float(np.mean(saturated)),
-    )
+        measure_noise_law(frames, pairs), _fit_law(over_space), tuple(by_distance),
+        float(np.median(known)) if known else float("nan"), tuple(rings), float(np.mean(saturated)),
+    )  # fmt: skip
 
 
 def light_at_one_metre(frame: DepthFrame) -> Array:

@@ -103,14 +103,11 @@ def measure_pattern(frames: Sequence[DepthFrame]) -> FixedPattern:
     known = (_CORRELATION_WHITE, _CORRELATION_SMOOTH), (_LEFT_WHITE, _LEFT_SMOOTH)
     left = np.interp(np.nan_to_num(likeness), *known)
     return FixedPattern(
-        len(frames),
-        float(np.sqrt(rms**2 + max(other, 0.0) / _LEFT_ROWS)),
+        len(frames), float(np.sqrt(rms**2 + max(other, 0.0) / _LEFT_ROWS)),
         float(np.sqrt(max(_covariance(own_columns[0], own_columns[1]), 0.0) / _LEFT_ROWS)),
         float(np.sqrt(max(total, 0.0) / left)),
-        tuple(float(a) / _LEFT_ALTERNATION for a in alternation),
-        float(rms),
-        likeness,
-    )
+        tuple(float(a) / _LEFT_ALTERNATION for a in alternation), float(rms), likeness,
+    )  # fmt: skip
 
 
 def _line_means(sums: Array, counts: Array, axis: int) -> Array:

@@ -155,19 +155,14 @@ def find_edges(frame: DepthFrame) -> Edges:
     missing = np.cumsum(np.pad(~known, ((0, 0), (1, 0))), axis=1)
     outside = np.nan_to_num(z[row[:, None], band[used]])
     return Edges(
-        on_right[used].astype(np.int64),
-        row,
-        column,
-        np.asarray(next_start - end, np.float64),
+        on_right[used].astype(np.int64), row, column, np.asarray(next_start - end, np.float64),
         np.asarray(missing[row, next_start] - missing[row, end], np.float64),
         (~known[row[:, None], band[used]]).mean(axis=1),
-        (outside > back_mm[:, None] + _BEHIND_MM).mean(axis=1),
-        front_mm,
-        back_mm,
+        (outside > back_mm[:, None] + _BEHIND_MM).mean(axis=1), front_mm, back_mm,
         frame.intrinsics.fx * (MM_PER_M / front_mm - MM_PER_M / back_mm),
         radius_px(frame)[row, column],
         np.zeros(row.size) if frame.infrared is None else frame.infrared[row, back].astype("f8"),
-    )
+    )  # fmt: skip
 
 
 def _side(
@@ -185,15 +180,10 @@ def _side(
         return Side(int(width.size), *(float("nan"),) * 7)
     offset, slope = _line(shift[own], column("width", own))
     return Side(
-        int(width.size),
-        _median_of_counts(width),
-        float(width.mean()),
-        _median_of_counts(column("invalid", used)),
-        float(column("band_invalid", used).mean()),
-        float(column("band_behind", used).mean()),
-        offset,
-        MM_PER_M * slope,
-    )
+        int(width.size), _median_of_counts(width), float(width.mean()),
+        _median_of_counts(column("invalid", used)), float(column("band_invalid", used).mean()),
+        float(column("band_behind", used).mean()), offset, MM_PER_M * slope,
+    )  # fmt: skip
 
 
 def _median_of_counts(counts: Array) -> float:

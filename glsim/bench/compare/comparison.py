@@ -293,20 +293,12 @@ def compare_sets(
     for frames in (first, second):
         say(f"measuring {frames.title}")
         pairs = static_pairs(frames)
-        measured.append(
-            Measurements(
-                title=frames.title,
-                frames=len(frames),
-                size=(frames.intrinsics.width, frames.intrinsics.height),
-                temporal=measure_temporal(frames, pairs),
-                spatial=measure_spatial(frames),
-                pattern=measure_pattern(frames),
-                light=measure_light(frames, pairs),
-                silhouettes=measure_silhouettes(frames),
-                invalid=measure_invalid(frames),
-                isolated=measure_isolated(frames),
-            )
-        )
+        size = frames.intrinsics.width, frames.intrinsics.height
+        measured.append(Measurements(
+            frames.title, len(frames), size, measure_temporal(frames, pairs),
+            measure_spatial(frames), measure_pattern(frames), measure_light(frames, pairs),
+            measure_silhouettes(frames), measure_invalid(frames), measure_isolated(frames),
+        ))  # fmt: skip
     verdicts: dict[str, Verdict] = {}
     if find_spec("sklearn") is None:
         say("no classifier: it needs scikit-learn: pip install 'glsim[eval]'")

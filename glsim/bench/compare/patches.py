@@ -37,12 +37,9 @@ _ROUGHEST_MM, _ROUGHEST_MM_PER_M = 3.0, 2.0
 SURFACE_FEATURES = (
     "log of the residual",
     *(f"correlation at {px} px along {axis}" for axis in "xy" for px in (1, 2, 3)),
-    "correlation on the diagonal",
-    "step between odd and even rows",
-    "spread of the rows' means",
-    "spread of the columns' means",
-    "largest residual over their rms",
-)
+    "correlation on the diagonal", "step between odd and even rows", "spread of the rows' means",
+    "spread of the columns' means", "largest residual over their rms",
+)  # fmt: skip
 EDGE_FEATURES = (
     "width of the gap", "spread of the width over the rows", "invalid pixels of the gap",
     "flying pixels of the gap", "invalid share of 8 px outside", "share behind the background",
@@ -182,13 +179,11 @@ def _edge_features(z: Array, front_mm: Array, back_mm: Array) -> Array:
     used[used.sum(axis=1) < 7] = False
     width = gap.sum(axis=-1)
     rows = (
-        width,
-        (gap & ~known).sum(axis=-1),
-        (gap & known).sum(axis=-1),
+        width, (gap & ~known).sum(axis=-1), (gap & known).sum(axis=-1),
         (band & ~known).sum(axis=-1) / 8,
         (band & (z > back_mm[:, None, None] + 50.0)).sum(axis=-1) / 8,
         np.abs(np.diff(known.astype(int), axis=-1)).sum(axis=-1),
-    )
+    )  # fmt: skip
     count = np.where(used.any(axis=1), used.sum(axis=1), np.nan)
     means = [np.where(used, row, 0).sum(axis=1) / count for row in rows]
     spread = np.sqrt(np.where(used, (width - means[0][:, None]) ** 2, 0).sum(axis=1) / count)

@@ -120,11 +120,9 @@ def fit_infrared(
         return nothing
     squared = 1.0 / (_rays(frames.intrinsics) ** 2).sum(axis=-1)
     x, cosine2, variance, weight = _classes(
-        mean.infrared[usable].astype(np.float64),
-        squared[usable],
-        statistics.variance_mm2[usable],
+        mean.infrared[usable].astype(np.float64), squared[usable], statistics.variance_mm2[usable],
         statistics.frames,
-    )
+    )  # fmt: skip
     strong = x >= COUNTS_PER_AMPLITUDE * _LEAST_AMPLITUDE
     x, cosine2, variance, weight = (c[strong] for c in (x, cosine2, variance, weight))
     if len(x) < 3:

@@ -100,15 +100,10 @@ def measure_stereo(
     groups = np.array_split(np.argsort(-levels), _GROUPS)
     height, width = disparity[0].shape
     return StereoStatistics(
-        len(disparity),
-        (width, height),
-        unit,
-        product,
-        lattice,
-        noise,
+        len(disparity), (width, height), unit, product, lattice, noise,
         tuple(product / float(np.median(levels[group])) for group in groups),
         tuple(float(np.hypot(*np.median(slopes[group], axis=0))) for group in groups),
-    )
+    )  # fmt: skip
 
 
 #: Step of the search for the side of the averaged region, and its largest value, px.

@@ -130,15 +130,10 @@ class CheckResult:
         accepted = self.measured.exception if self.state == "exception" else ""
         notes = (self.measured.why_not, accepted, self.measured.note)
         return (
-            self.check.number,
-            self.check.description,
-            "\n".join(measured),
-            "\n".join(band.text for band in self.bands),
-            self.check.source,
-            self.check.kind,
-            self.state,
-            "; ".join(note for note in notes if note),
-        )
+            self.check.number, self.check.description, "\n".join(measured),
+            "\n".join(band.text for band in self.bands), self.check.source, self.check.kind,
+            self.state, "; ".join(note for note in notes if note),
+        )  # fmt: skip
 
     def as_json(self) -> dict[str, Any]:
         """Convert the result to JSON values; a number that is not finite becomes null."""

@@ -127,12 +127,8 @@ def run_checks(camera: VirtualCamera) -> ValidationReport:
     if missing := [check.number for check in sheet.checks if check.number not in measured]:
         raise ConfigError(f"no measurement for the checks {', '.join(missing)}")
     return ValidationReport(
-        camera.name,
-        camera.sensor.title,
-        sheet.title,
-        camera.seed,
-        camera.frames,
+        camera.name, camera.sensor.title, sheet.title, camera.seed, camera.frames,
         time.perf_counter() - started,
         tuple(CheckResult(check, measured[check.number]) for check in sheet.checks),
         told_apart(camera.sensor),
-    )
+    )  # fmt: skip

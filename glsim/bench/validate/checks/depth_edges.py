@@ -92,12 +92,9 @@ def silhouette(captures: Captures) -> dict[str, Measurement]:
 def _measure_silhouette(captures: Captures, changes: Changes | None) -> dict[str, float]:
     half = 40.0 * NEAR_MM / captures.camera.rig.intrinsics.fx
     capture = captures.camera.capture(
-        scenes.rectangle((-half, half), (-half, half), NEAR_MM),
-        crop=128,
-        changes=changes,
-        scene="silhouette",
-        frames=captures.scene_frames,
-    )
+        scenes.rectangle((-half, half), (-half, half), NEAR_MM), crop=128, changes=changes,
+        scene="silhouette", frames=captures.scene_frames,
+    )  # fmt: skip
     away = np.abs(np.nan_to_num(capture.measured_mm, nan=NEAR_MM) - NEAR_MM)
     close = np.isfinite(capture.measured_mm) & (away <= _STRAY_MM)
     clean = np.isfinite(capture.truth_mm)
@@ -123,11 +120,9 @@ def shadow_profile(
     focal = captures.camera.rig.intrinsics.fx
     half = HALF_PX * NEAR_MM / focal
     capture = captures.camera.capture(
-        scenes.occluder(NEAR_MM, far_mm, half),
-        crop=_SHADOW_PX,
-        scene=f"shadow {far_mm}",
+        scenes.occluder(NEAR_MM, far_mm, half), crop=_SHADOW_PX, scene=f"shadow {far_mm}",
         frames=captures.scene_frames,
-    )
+    )  # fmt: skip
     bare = captures.camera.capture(scenes.wall(far_mm), 8, _SHADOW_PX, scene=f"unshadowed {far_mm}")
     light = capture.stack("infrared").mean(axis=0) / np.maximum(
         bare.stack("infrared").mean(axis=0), 1.0

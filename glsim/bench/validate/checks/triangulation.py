@@ -86,12 +86,9 @@ def _step_rows(
     steps = [find_steps(image.T if upright else image) for image in disparity]
     (_, before), (behind_px, behind) = (measure_gaps(steps, right) for right in (False, True))
     return {
-        "before": before,
-        "behind": behind,
-        "behind px": behind_px,
-        "between": between_share(steps),
-        "band": border_band(list(disparity))[1],
-    }
+        "before": before, "behind": behind, "behind px": behind_px,
+        "between": between_share(steps), "band": border_band(list(disparity))[1],
+    }  # fmt: skip
 
 
 def _validity_rows(captures: Captures, mesh: Mesh, scene: str) -> dict[str, float]:
@@ -112,9 +109,8 @@ def stereo(captures: Captures) -> dict[str, Measurement]:
         names = ("steps_per_px", "step_mm")
     steps, unit = (values[n].bounds()[0] for n in names)
     share = _lattice_share(captures, 1700.0, steps, unit)
-    corner = _validity_rows(
-        captures, scenes.room_corner(_focal_baseline_px_mm(captures)), "room corner"
-    )
+    room = scenes.room_corner(_focal_baseline_px_mm(captures))
+    corner = _validity_rows(captures, room, "room corner")
     return {
         "1": Measurement(rows["residual"]),
         "2": Measurement(rows["frame"]),
