@@ -8,6 +8,9 @@ from glsim.core.camera import SensorRig
 
 #: As in `benchmarks/open3d_peer.py`.
 _SHADOW_BIAS_M = 0.003
+#: pyrender reads the first of four samples of a pixel, which lies beside its centre, px right and
+#: down (the standard pattern; Mesa's too).
+_SAMPLE_PX = (-0.125, -0.375)
 
 
 class Renderer:
@@ -17,7 +20,12 @@ class Renderer:
         image = self._image = rig.intrinsics
         self._renderer = pyrender.OffscreenRenderer(image.width, image.height)
         self._camera = pyrender.IntrinsicsCamera(
-            image.fx, image.fy, image.cx, image.cy, znear=0.1, zfar=12.0
+            image.fx,
+            image.fy,
+            image.cx + _SAMPLE_PX[0],
+            image.cy - _SAMPLE_PX[1],
+            znear=0.1,
+            zfar=12.0,
         )
         self._emitter = np.asarray(rig.emitters[0].position_m)
         rays = rig.rays()

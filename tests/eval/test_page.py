@@ -1,18 +1,15 @@
 """report.html: all text is escaped, and everything is within the one file."""
 
 import base64
-import sys
 from html.parser import HTMLParser
 
 import pytest
 
-from glsim.core.errors import GlsimError
 from glsim.eval.report.document import (
     CaptionedPng,
     Document,
     Heading,
     TextTable,
-    _template,
     html_page,
 )
 
@@ -84,10 +81,3 @@ def test_text_is_no_html_and_no_template(text: str) -> None:
     assert [found for _, found in elements.found if found != "Figures"] == [text] * 9
     assert elements.attributes["alt"] == text
     assert "onload" not in elements.attributes
-
-
-def test_without_jinja_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "jinja2", None)
-    _template.cache_clear()
-    with pytest.raises(GlsimError, match=r"pip install 'glsim\[eval\]'"):
-        html_page("Title", [])

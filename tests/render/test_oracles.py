@@ -1,5 +1,9 @@
-"""The clean depth, normals and shadows against another renderer: Open3D's ray caster."""
+"""The clean depth, normals and shadows against other renderers: Open3D's rays, pyrender."""
 
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,6 +13,9 @@ from numpy.typing import NDArray
 
 from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
+from glsim.faces import open_source
+from glsim.settings.source_settings import parse_source
+from tests.support.imports import ROOT
 from tests.support.scenes import V2, interior, layers_of, rig
 
 POSES = [
@@ -57,6 +64,36 @@ def test_depth_and_normals_are_those_of_open3d(
     cosine = (normal * layers["normal"][..., :3]).sum(-1)[inside]
     # Where two facets meet in a pixel's centre either may win.
     assert np.percentile(cosine, 1) > np.cos(np.radians(0.5))
+
+
+_PEER = """
+import importlib, sys
+import numpy as np
+from tests.support.scenes import rig
+peer = importlib.import_module(f"benchmarks.{sys.argv[1]}_peer").Renderer(rig((0.075, 0, 0)))
+meshes = [np.load(file) for file in sys.argv[3:]]
+np.save(sys.argv[2], [peer(mesh["points"], mesh["faces"])[0] for mesh in meshes])
+"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("peer", ["open3d", "pyrender"])
+def test_heads_and_people_are_those_of_the_benchmarks_peers(
+    context: Context, tmp_path: Path, peer: str
+) -> None:
+    """The peers run in a process of their own, since pyrender ends all contexts of EGL."""
+    files, ours = [], []
+    for kind in ("procedural", "people"):
+        source = open_source(parse_source({"kind": kind}), seed=5)
+        (mesh,) = (face.mesh for face in source.load(source.frames(source.subjects(1)[0], 1)))
+        files.append(tmp_path / f"{kind}.npz")
+        np.savez(files[-1], points=camera_points(mesh, POSES[2]).astype("f4"), faces=mesh.faces)
+        ours.append(layers_of(context, rig(), [(mesh, POSES[2])])["clean"])
+    command = [sys.executable, "-c", _PEER, peer, str(tmp_path / "depth.npy"), *map(str, files)]
+    environment = os.environ | {"PYOPENGL_PLATFORM": "egl"}
+    subprocess.run(command, check=True, cwd=ROOT, env=environment)
+    for depth, theirs in zip(ours, np.load(tmp_path / "depth.npy"), strict=True):
+        check(depth, theirs)
 
 
 @pytest.mark.parametrize("aside_m", [0.075, 0.8, 2.0])

@@ -14,7 +14,6 @@ from glsim.denoise.registry import load_denoiser
 from glsim.networks.inputs import NetworkInputs
 from glsim.train import StoredPairs, stored_batches
 from glsim.train.data.checks import moved_pair
-from glsim.train.data.simulated import SimulatedPairs
 from tests.support.moved_sets import write_domes
 from tests.support.train_fakes import recipe
 
@@ -45,14 +44,6 @@ def test_pairs_have_the_nearest_point_at_1_mm(sets: dict[str, Path], stored: str
     assert as_measured[as_measured > 0].min() > 900
 
 
-def test_a_crop_is_moved_by_its_own_nearest_point(sets: dict[str, Path]) -> None:
-    pairs = StoredPairs(sets["depth"], "train", crop=16, cut="random", protocol="paper")
-    for epoch in range(3):
-        pairs.set_epoch(epoch)
-        clean_mm = pairs[1][1].numpy()
-        assert clean_mm[clean_mm > 0].min() == 1
-
-
 def test_neighbours_move_with_the_frame_and_infrared_stays() -> None:
     depth = np.full((4, 2, 2), 900, np.float32) + np.arange(4, dtype=np.float32)[:, None, None]
     depth[1] = 5000  # infrared, counts
@@ -76,23 +67,6 @@ def test_the_fingerprint_of_the_data_has_the_protocol(sets: dict[str, Path]) -> 
         stored_batches(both, recipe(data=tiny))
     joined = stored_batches(both, recipe(data=tiny | {"protocol": "paper"}))
     assert joined.fingerprint["protocol"] == "paper"
-
-
-def test_simulated_pairs_have_the_nearest_point_at_1_mm() -> None:
-    from glsim.settings.schema import load_settings
-
-    settings = load_settings(
-        overrides={
-            "output": {"crop": 32},
-            "sensor": "kinect-v2-paper",
-            "source": {"kind": "procedural", "subjects": 3, "frames_per_subject": 1},
-        }
-    )
-    pairs = SimulatedPairs(settings, batch=1, length=1, protocol="paper")
-    assert pairs.fingerprint()["protocol"] == "paper"
-    ((_, clean_mm),) = list(pairs)
-    assert clean_mm[clean_mm > 0].min() == 1
-    assert "protocol" not in SimulatedPairs(settings, batch=1, length=1).fingerprint()
 
 
 def test_a_training_records_its_protocol_and_its_network_keeps_it(

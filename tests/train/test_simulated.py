@@ -190,10 +190,11 @@ def test_the_fingerprint_is_of_what_is_rendered() -> None:
             ((small(seed=1),), {}),
             ((small(),), {"reuse": 2}),
             ((small(),), {"target": "expected"}),
+            ((small(),), {"protocol": "paper"}),
         )
     ]
     assert prints[0] == prints[1]
-    assert len({str(p) for p in prints}) == 4
+    assert len({str(p) for p in prints}) == 5
 
 
 MEASURED = [reason for reason in Reason if reason.has_depth]
