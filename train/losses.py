@@ -192,8 +192,7 @@ def _smooth_l1(values: Tensor, beta: float) -> Tensor:
 class NoisyTarget(Loss):
     """Base class of losses that see no clean frame: the target is made of the measured depth.
 
-    Only pixels with a target count, so that holes are neither filled nor learnt. A validation gives
-    the clean depth as the target.
+    Only pixels with a target count. A validation gives the clean depth as the target.
     """
 
     beta_mm: float = Field(3.0, gt=0, description="as in masked")

@@ -51,9 +51,7 @@ class TrainingProgress:
 class TrainingState:
     """Network, weight average, optimiser, loss and progress, built from a recipe and its seed.
 
-    Attributes:
-        network: the network, without the wrappers of devices and compilation.
-        average: exponential average of the weights, or None.
+    ``network`` is without the wrappers of devices and compilation, ``average`` of its weights.
     """
 
     def __init__(self, recipe: Recipe, fabric: Fabric, weights: WeightsOf | None = None) -> None:

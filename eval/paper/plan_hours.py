@@ -21,13 +21,9 @@ _REACHED: Final = 0.3
 
 
 def plan_hours(recipes: Iterable[Recipe], split: object, images: int) -> TextTable:
-    """Return a row per network with its steps and hours at most, and the sums.
+    """Return a row per network of all trainings with its steps and hours at most, and the sums.
 
-    Raises TrainError without PyTorch.
-
-    Args:
-        recipes: all trainings.
-        split, images: of their data set.
+    ``split`` and ``images`` are of the data set. Raises TrainError without PyTorch.
     """
     try:
         from glsim.train.step_cost import step_flop, step_seconds

@@ -137,9 +137,7 @@ def reproduce(
 ) -> list[Path]:
     """Run all steps of a plan (generate, train, score); steps that are complete are skipped.
 
-    Args:
-        runner: the folder, and the display of progress.
-        roots: kind of face source -> folder, for each face set of the paper that the user has.
+    ``roots``: kind of face source -> folder, for each face set of the paper that the user has.
 
     Returns:
         Paths of the written files, which show printed values beside ours.

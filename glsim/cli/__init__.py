@@ -103,7 +103,10 @@ def _glsim(
         ),
     ] = False,
 ) -> None:
-    """Generate pairs of clean and noisy 16-bit depth frames from 3D faces."""
+    """Generate pairs of clean and noisy 16-bit depth frames from 3D faces.
+
+    -q (errors only), -v (decisions) and --debug stand after the command: glsim generate -q.
+    """
 
 
 def main(arguments: list[str] | None = None) -> int:

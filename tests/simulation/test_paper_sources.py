@@ -44,16 +44,16 @@ def test_sets_that_are_there_are_used_and_filled_up(tmp_path: Path) -> None:
     counts = paper_counts(600)
     assert sum(table["count"] for table in tables) == 600
     assert [table["kind"] for table in tables] == [
-        "d3dfacs", "procedural", "facewarehouse", "procedural",
+        "d3dfacs", "procedural", "facewarehouse", "procedural", "procedural",
     ]  # fmt: skip
     assert tables[0]["count"] == 2
     assert tables[1]["subjects"] == PAPER_SOURCES["d3dfacs"].people - 1
     assert tables[1]["count"] == counts["d3dfacs"] - 2
-    assert tables[2]["count"] == counts["facewarehouse"]
-    assert tables[3]["subjects"] == PAPER_SOURCES["biwi"].people
+    assert (tables[2]["count"], tables[2]["expressions"]) == (2, True)  # one pose of two people
+    assert tables[4]["subjects"] == PAPER_SOURCES["biwi"].people
     settings = load_settings(overrides={"split": "paper", "source": tables})
     tasks = make_tasks(settings, open_sources(settings))
     assert len(tasks) == 600
-    assert [sum(task.source == n for task in tasks) for n in range(4)] == [
+    assert [sum(task.source == n for task in tasks) for n in range(5)] == [
         table["count"] for table in tables
     ]

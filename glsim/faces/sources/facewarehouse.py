@@ -86,6 +86,7 @@ class FaceWarehouseSettings(MeshFileSettings):
 
     steps: int | None = Field(None, ge=1, description="frames per blend shape")
     poses: bool | None = Field(None, description="also the training poses")
+    expressions: bool | None = Field(None, description="only the 19 non-neutral training poses")
 
     def open(self, seed: int) -> FaceSource:
         """Open the set. Raises ConfigError without its folder."""
@@ -95,6 +96,7 @@ class FaceWarehouseSettings(MeshFileSettings):
             axes=self.axes,
             steps=self.steps or 1,
             poses=self.poses is not False,
+            expressions=bool(self.expressions),
         )
 
     @classmethod
@@ -108,7 +110,7 @@ class FaceWarehouse(FileFaces):
 
     Args:
         steps: frames from a blend shape to the next.
-        poses: whether to include the poses.
+        poses, expressions: whether to include the poses, or to take the 19 non-neutral ones alone.
         unit: "auto" makes the neutral face 141 mm wide; a number is the millimetres per unit.
     """
 
@@ -123,9 +125,10 @@ class FaceWarehouse(FileFaces):
         axes: str = "auto",
         steps: int = 1,
         poses: bool = True,
+        expressions: bool = False,
     ) -> None:
         super().__init__(root, unit, axes)
-        self._steps, self._poses = steps, poses
+        self._steps, self._poses, self._expressions = steps, poses, expressions
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:
         """Return a person's first ``count`` keys: shapes, then poses. Raises ConfigError."""
@@ -142,6 +145,8 @@ class FaceWarehouse(FileFaces):
                 FaceKey(subject, "poses", number, 0.0, self._name(path))
                 for number, path in sorted(files.poses.items())
             ]
+        if self._expressions:
+            keys = [key for key in keys if key.sequence == "poses" and key.frame]
         return keys[:count]
 
     def contents(self, subjects: Sequence[str]) -> dict[str, str]:

@@ -22,8 +22,8 @@ class PaperSource(NamedTuple):
 
 
 #: Kind of source -> its face set. The paper prints the numbers of people, and for FaceWarehouse 19
-#: expressions each, without a neutral face. It does not print how its 45,938 images are divided.
-#: Biwi: all images of the published set. D3DFACS, sequences at 60 frames per second: the rest.
+#: expressions each, without a neutral face: the set has 19 such poses, and 46 blend shapes. It does
+#: not print how its images are divided. Biwi: all images of the published set. D3DFACS: the rest.
 PAPER_SOURCES: Final = {
     "d3dfacs": PaperSource("D3DFACS", 10, sum(PAPER_IMAGES) - 150 * 19 - 15_678),
     "facewarehouse": PaperSource("FaceWarehouse", 150, 150 * 19),
@@ -31,6 +31,8 @@ PAPER_SOURCES: Final = {
 }
 #: The kind of source that replaces missing sets.
 STAND_IN: Final = "procedural"
+#: Kind of source -> settings of the paper's frames.
+_SETTINGS: Final = {"facewarehouse": {"expressions": True}}
 
 
 def paper_counts(images: int) -> dict[str, int]:
@@ -66,7 +68,8 @@ def paper_mixture(roots: Mapping[str, Path], images: int) -> list[dict[str, Any]
             had, available = _contents(kind, root)
             held = min(count, available)
             people = max(1, people - had)
-            tables.append({"kind": kind, "root": str(root), "count": held})
+            table = {"kind": kind, "root": str(root), "count": held}
+            tables.append(table | _SETTINGS.get(kind, {}))
         if rest := count - held:
             people = min(people, rest)
             each = math.ceil(rest / people)
@@ -78,7 +81,8 @@ def paper_mixture(roots: Mapping[str, Path], images: int) -> list[dict[str, Any]
 
 def _contents(kind: str, root: Path) -> tuple[int, int]:
     """Count the people and the frames of a face set on disk, without opening its files."""
-    source = open_source(parse_source({"kind": kind, "root": root}), 0)
+    table = {"kind": kind, "root": root} | _SETTINGS.get(kind, {})
+    source = open_source(parse_source(table), 0)
     people = source.subjects(None)
     frames = sum(len(source.frames(name, None)) for name in people)
     if not frames:
