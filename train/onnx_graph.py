@@ -5,9 +5,9 @@ names no shape. onnxruntime derives the shapes as formulas that grow from slice 
 the time to load grows with the square of the number of nodes: 3 CPU s for the 3,900 nodes of
 ``face``, 0.1 s with written shapes.
 
-The graph is evaluated for three sizes of the frame. Numbers that are equal for all sizes become
-constants; ends of slices at a constant distance from the end of the axis become this distance.
-Three sizes suffice to distinguish constants from sides, which are affine in rows or columns.
+The graph is evaluated for three sizes of the frame: enough to tell constants from sides, which
+are affine in rows or columns. Numbers that are equal for all become constants; ends of slices at a
+constant distance from the end of the axis become this distance.
 """
 
 from __future__ import annotations

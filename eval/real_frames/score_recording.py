@@ -99,9 +99,7 @@ def tune_on_pairs(
 
     Returns the best setting of each filter, as on the command line, and the scores of all settings.
 
-    Args:
-        recording: a recording with static pairs; ConfigError without.
-        names: filters of ``GRIDS``. Default: all.
+    ``names`` are of ``GRIDS``, by default all. Raises ConfigError without static pairs.
     """
     numbers = sorted(recording.partner)
     if not numbers:

@@ -44,10 +44,8 @@ def write_results(
     Tables and figures show the default composite of a network; table.csv has all composites.
     Returns the written files.
 
-    Args:
-        table: method -> metric -> mean.
-        pages: file name without .md -> page, which report.html shows first.
-        drawn: denoisers of the job that figures show; None: neither figures nor report.html.
+    ``pages``: file name without .md -> page, first in report.html. ``drawn``: denoisers of the job
+    that figures show; None: neither figures nor report.html.
     """
     heading = f"{job.dataset.name}, {job.split}, protocol {evaluation.protocol}"
     if job.truth != "clean":

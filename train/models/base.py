@@ -17,11 +17,9 @@ class Prediction(NamedTuple):
 
     Attributes:
         depth_mm: (B, 1, H, W) millimetres along the axis, defined where the pixel is valid.
-        valid_logit: (B, 1, H, W) log odds of depth; None if "no depth" is 0 in ``depth_mm``, as in
-            the paper's networks.
+        valid_logit: (B, 1, H, W) log odds of depth; None if "no depth" is a depth of 0.
         log_sigma: (B, 1, H, W) natural logarithm of the standard deviation of ``depth_mm``, mm.
-        candidates_mm: (B, K, H, W) depth of each surface, if the network chooses between surfaces;
-            ``depth_mm`` is the likeliest.
+        candidates_mm: (B, K, H, W) depth of each surface, if the network chooses; else None.
         choice_logits: (B, K, H, W) logits of the choice.
     """
 
