@@ -25,7 +25,7 @@ glsim denoise recording/ -o denoised/ -d face-video       also by earlier frames
 glsim denoise recording/ -o denoised/ -d face:average=8   means of still frames first
 glsim denoise recording/ -o denoised/ -d quadric:sigma_px=2.5,cleanup=5
 glsim denoise recording/ -o denoised/ --device my_kinect.toml    by glsim fit
-glsim denoise noisy.png -o clean.png -d run/best.pt --infrared infrared.png
+glsim denoise noisy.png -o clean.png -d mine.py:lit --infrared infrared.png
 glsim denoise 'maps/*_noisy.png' -o denoised/ --format npy   float32 metres
 """
 
@@ -58,16 +58,16 @@ def denoise(
         out: The denoised map, or a folder for them.
         denoiser: A name of glsim eval --list, or a checkpoint. Default: the network of the camera
             that camera.toml, the data set, or the maps' size and values show, else face.
-        infrared: 16-bit infrared PNG, or a folder of them named as the maps, for networks that use
-            it. Default: those beside the maps.
+        infrared: 16-bit infrared PNG, or a folder of them named as the maps, for functions that
+            use it. Default: those beside the maps.
         uncertainty: PNG (or folder) for the standard deviation of each depth in steps of 0.01 mm,
             of networks that estimate it. Default: none.
         composite: Pixels that get depth: measured (the input's without unlikely ones, small holes
             closed), soft, hard or 'input mask'.
         around: face: denoise only around the nearest head. Default: everywhere.
         depth_unit_mm: Step of the depth files, mm. Default: what they state, else 1.
-        out_unit_mm: Step of the denoised maps, mm. Default: 0.1 for PNG if no input is deeper than
-            6.5 m, else that of the input.
+        out_unit_mm: Step of the denoised maps, mm. Default for PNG: 0.1, or 0.2 if an input is
+            deeper than 6.5 m; beyond 13 m, and for TIFF, that of the input.
         form: Format of the denoised maps: png or tiff (16 bits), npy, exr or tiff-float (metres).
             Default: by the suffix.
         protocol: Depth for the denoiser: depth (as measured) or paper (nearest point of each map at
@@ -80,8 +80,8 @@ def denoise(
     from glsim.data.map_files import FORMATS
     from glsim.data.map_writer import MapWriter
     from glsim.data.maps import open_maps
-    from glsim.denoise.camera_choice import camera_of, fitting_denoiser
     from glsim.denoise.frames import DenoisedMaps
+    from glsim.denoise.network_choice import choose_network
     from glsim.denoise.registry import load_denoiser
 
     if form is not None and form not in FORMATS:
@@ -104,7 +104,10 @@ def denoise(
         finest_mm=_FINEST_MM,
         sigma_out=uncertainty,
     )
-    name, note = fitting_denoiser(denoiser, camera_of(recording))
+    name, note = denoiser, ""
+    if name is None:
+        name, because = choose_network(recording)
+        note = f"denoiser {name}: {because}; -d chooses another"
     loaded = load_denoiser(name, device=device, composite=composite, around=around)
     if infrared is not None and not loaded.infrared:
         raise ConfigError(f"--infrared: {loaded.label} does not use infrared")

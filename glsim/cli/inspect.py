@@ -120,7 +120,7 @@ def _recording(path: Path, unit_mm: float | None, topic: str | None) -> Recordin
 
 def _camera(recording: Recording) -> dict[str, Any]:
     """Return the stated camera of a recording, the most similar sensor, and a denoiser for it."""
-    from glsim.denoise.camera_choice import camera_of, network_for
+    from glsim.denoise.network_choice import camera_of, choose_network
 
     frame = recording.frames[0]
     height, width = frame.measured_mm.shape
@@ -136,7 +136,7 @@ def _camera(recording: Recording) -> dict[str, Any]:
         "intrinsics": None if recording.camera is None else asdict(recording.camera),
         "sensor": sensor or None,
         "because": why if sensor else None,
-        "denoiser": network_for(sensor),
+        "denoiser": choose_network(recording)[0],
         "notes": recording.sentence(),
     }
 

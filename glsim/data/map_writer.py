@@ -28,9 +28,7 @@ _SIGMA_STEP_MM: Final = 0.01
 class MapWriter:
     """A writer of changed depth maps under the names of a recording's files.
 
-    Attributes:
-        targets: output file of each map.
-        step_mm: step of integers, mm; None if all outputs are float32 metres.
+    ``step_mm``: step of integers, mm; None if all outputs are float32 metres.
     """
 
     def __init__(
@@ -52,12 +50,10 @@ class MapWriter:
         step is given for floats.
 
         Args:
-            inputs: paths from which the recording was opened.
-            out: folder of the outputs, or name of the only output.
             form: format of all outputs, one of ``FORMATS``. Default: from the suffix of each name.
             given_mm: step of integers. Default: ``finest_mm``, else the step of the recording.
-            option: command-line option of the step, for messages.
-            finest_mm: step of PNG files, used if none of the sampled maps is too deep for it.
+            finest_mm: step of PNG files, doubled if one of the sampled maps is too deep for it; a
+                map that is deeper still keeps the step of its input.
             sigma_out: folder or file name of the outputs of the layer "sigma_mm".
         """
         self._option, self._states_step, self._out = option, states_step, out
@@ -77,7 +73,7 @@ class MapWriter:
             self.step_mm = None
         elif given_mm is None and finest_mm is not None and forms == {"png"}:
             fits = recording.votes.deepest_mm <= DEEPEST_STEPS * finest_mm
-            self.step_mm = min(recording.step_mm, finest_mm) if fits else recording.step_mm
+            self.step_mm = min(recording.step_mm, finest_mm if fits else 2 * finest_mm)
         coarser = [recording.step_mm] if given_mm is None and states_step else []
         self._steps_mm = dict.fromkeys([self.step_mm or 1.0, *coarser])
 
@@ -88,11 +84,9 @@ class MapWriter:
 
         Args:
             frames: the changed frames, as many as in the recording and in the same order.
-            layer: name of the depth layer to write, mm.
             skipped: called with the reason for each frame that cannot be read.
 
-        Returns:
-            The number of frames that could not be read.
+        Returns the number of frames that could not be read.
 
         Raises:
             DatasetError: the only frame cannot be read, or a file cannot be written.

@@ -112,17 +112,17 @@ def test_a_plan_writes_nothing_and_counts_everything(
 
 
 @pytest.mark.parametrize(
-    ("size", "lattice", "sensor", "denoiser"),
+    ("size", "lattice", "sensor"),
     [
-        ((424, 512), False, "kinect-v2", "face-kinect-v2"),
-        ((576, 640), False, "azure-kinect", "face-azure-kinect"),
-        ((480, 640), True, "realsense-d435-vga", "face-stereo"),
-        ((480, 640), False, None, "face"),
+        ((424, 512), False, "kinect-v2"),
+        ((576, 640), False, "azure-kinect"),
+        ((480, 640), True, "realsense-d435-vga"),
+        ((480, 640), False, None),
     ],
 )
 def test_a_recording_names_its_camera_and_denoiser(
     here: Path, capsys: pytest.CaptureFixture[str],
-    size: tuple[int, int], lattice: bool, sensor: str | None, denoiser: str
+    size: tuple[int, int], lattice: bool, sensor: str | None
 ) -> None:  # fmt: skip
     depth = np.linspace(600, 3000, size[0] * size[1]).reshape(size)
     if lattice:  # 1/32 px of disparity
@@ -132,5 +132,5 @@ def test_a_recording_names_its_camera_and_denoiser(
     assert main(["inspect", "frames"]) == 0
     printed = capsys.readouterr().out
     assert (f"like {sensor}" if sensor else "not recognised") in printed
-    assert f"glsim denoise frames -o denoised -d {denoiser}\n" in printed
+    assert "glsim denoise frames -o denoised -d face\n" in printed, "maps without noise"
     assert [path.name for path in here.iterdir()] == ["frames"], "a picture only with -o"

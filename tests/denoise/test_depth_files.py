@@ -60,9 +60,10 @@ def test_the_step_of_the_output(here: Path, capsys: pytest.CaptureFixture[str]) 
 def test_depth_beyond_the_step_is_refused_or_keeps_the_step_of_the_input(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write(Path("far.png"), 1.0, stated=True, depth_mm=DEPTH_MM + 6000)
-    assert denoise("far.png", "-o", "a.png") == 0
-    assert stated_unit_mm(Path("a.png")) == 1.0
+    for farther_mm, step_mm in ((12_500, 1.0), (6000, 0.2)):
+        write(Path("far.png"), 1.0, stated=True, depth_mm=DEPTH_MM + farther_mm)
+        assert denoise("far.png", "-o", "a.png") == 0
+        assert stated_unit_mm(Path("a.png")) == step_mm
     assert denoise("far.png", "-o", "b.png", "--out-unit-mm", "0.1") == 2
     assert "far.png: a depth of" in capsys.readouterr().err
     assert not Path("b.png").exists()

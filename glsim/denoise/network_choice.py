@@ -1,0 +1,163 @@
+"""Choice of the shipped network by the noise of the maps, and recognition of their camera."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any, Final, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from glsim.core.array_types import Depth
+from glsim.core.depth_map import FLYING_MM
+from glsim.data.recording import Recording
+from glsim.denoise.registry import SHIPPED, load_denoiser
+from glsim.measures.lattice import distinct_values, estimate_lattice
+from glsim.networks.safeguards import clean_noise_mm, estimate_noise_mm
+from glsim.sensors.sensor import sensor_names
+
+#: The network for noise that is alike over many pixels, as that of active stereo.
+WIDE: Final = "face-stereo"
+#: Noise between neighbours, divided by that over 2 px: 1 is white, less is shared by neighbours.
+#: Least ratio, most noise between neighbours, mm -> network, the first that fits. Measured on 40
+#: sets of six heads: white models and Kinect V1 0.90 to 1.03, where face-kinect-v2 is 20 % worse;
+#: Azure Kinect and Femto Bolt 0.74 to 0.79 and 0.24 to 0.32 mm (a real one 0.73), where
+#: face-azure-kinect is 6 to 15 % better than `face`, elsewhere worse; Kinect V2 0.36 to 0.48 (real
+#: 0.46), where face-kinect-v2 is 2 to 5 % better.
+_BY_WIDTH: Final = (
+    (0.85, np.inf, SHIPPED),
+    (0.62, 0.5, "face-azure-kinect"),
+    (0.62, np.inf, SHIPPED),
+    (0.0, np.inf, "face-kinect-v2"),
+)
+#: First words of the names of sensors of active stereo.
+_STEREO: Final = ("realsense", "truedepth", "oak")
+#: Largest number of maps on which both networks are tried, and side of their middle, px.
+_TRIED, _TRIED_PX = 4, 256
+#: WIDE is taken if what it takes away from surfaces has at least this correlation over _LAG_PX, and
+#: at least this multiple of the size of what SHIPPED takes away: then it is noise, which SHIPPED
+#: leaves, and not form. Measured: RealSense, two real and six simulated recordings, 0.50 to 0.72
+#: and 2.3 to 6.5; TrueDepth 0.28 to 0.50 and 1.1 to 1.6; heads before a stereo camera whose noise
+#: is 2 px wide, of which WIDE takes the form, 0.25 and 2.7.
+_LEAST_CORRELATION, _LEAST_RATIO, _LAG_PX = 0.45, 2.2, 4
+#: Side of the windows of measured pixels in which the size is taken, px, and least number of them.
+_WINDOW_PX, _LEAST_WINDOWS = 11, 200
+
+#: Size of images that only one kind of camera delivers: (width, height), px -> sensor.
+_SIZES: Final = {
+    (512, 424): "kinect-v2",
+    (640, 576): "azure-kinect",
+    (320, 288): "azure-kinect-nfov-binned",
+    (512, 512): "azure-kinect-wfov",
+    (1024, 1024): "azure-kinect-wfov-unbinned",
+}
+#: Size of images -> RealSense sensor; for other sizes, the D435.
+_STEREO_SIZES: Final = {(640, 480): "realsense-d435-vga"}
+#: Largest depth in which a lattice is searched, in steps of the files. The search takes half a
+#: second; with steps of 1 mm, a lattice is found in depths above 1 m.
+_SEARCHED_STEPS: Final = 12_000
+
+
+def choose_network(recording: Recording) -> tuple[str, str]:
+    """Choose a shipped network for a recording; return its name and the reason."""
+    sensor, because = camera_of(recording)
+    if not sensor and recording.stated.baseline_m:
+        sensor, because = "realsense", f"{recording.stated_by} states a baseline"
+    middles = [_middle(depth_mm) for depth_mm in recording.votes.maps_mm[:_TRIED]]
+    if not sensor.startswith(_STEREO):
+        return _for_width(middles)
+    wide, narrow = (_taken_away(name, middles) for name in (WIDE, SHIPPED))
+    if wide is None or narrow is None:
+        return SHIPPED, "the maps show too little of a surface to measure their noise"
+    ratio = wide.size_mm / narrow.size_mm if narrow.size_mm else 0.0
+    noise = (
+        f"like {sensor}, because {because}; {WIDE} takes away {ratio:.1f} times as much as "
+        f"{SHIPPED}, of a correlation of {wide.correlation:.2f} over {_LAG_PX} px"
+    )
+    if wide.correlation >= _LEAST_CORRELATION and ratio >= _LEAST_RATIO:
+        return WIDE, noise
+    return SHIPPED, f"{noise}: form, not noise"
+
+
+def _for_width(maps_mm: Sequence[Depth]) -> tuple[str, str]:
+    """Choose the network for noise of few pixels by the ratio of its size over 1 and over 2 px."""
+    noisy_mm = [depth_mm for depth_mm in maps_mm if clean_noise_mm(depth_mm) is None]
+    sizes_mm = [[estimate_noise_mm(depth_mm, step) for step in (1, 2)] for depth_mm in noisy_mm]
+    known = [(near_mm, near_mm / far_mm) for near_mm, far_mm in sizes_mm if near_mm and far_mm]
+    if not known:
+        return SHIPPED, "the maps show no noise on surfaces that tells more"
+    near_mm, ratio = (float(np.median(values)) for values in zip(*known, strict=True))
+    fits = (name for least, most_mm, name in _BY_WIDTH if ratio >= least and near_mm <= most_mm)
+    return next(
+        fits
+    ), f"its noise, {near_mm:.2g} mm between neighbours, is {ratio:.2f} of that over 2 px"
+
+
+class _TakenAway(NamedTuple):
+    """Median size of what a denoiser takes away, mm, and its correlation over _LAG_PX."""
+
+    size_mm: float
+    correlation: float
+
+
+def _taken_away(name: str, maps_mm: Iterable[Depth]) -> _TakenAway | None:
+    """Measure what a network takes away from the surfaces of maps; None with too few windows."""
+    denoiser = load_denoiser(name)
+    sizes_mm, product, square = [np.zeros(0, np.float32)], 0.0, 0.0
+    for noisy_mm in maps_mm:
+        change_mm = denoiser(noisy_mm).depth_mm - noisy_mm
+        known = (noisy_mm > 0) & (
+            np.abs(change_mm) < FLYING_MM
+        )  # else no depth, or another surface
+        change_mm = np.where(known, change_mm, 0)
+        whole = cv2.erode(known.astype(np.uint8), np.ones((_WINDOW_PX, _WINDOW_PX)), borderValue=0)
+        mean_square = cv2.blur(change_mm**2, (_WINDOW_PX, _WINDOW_PX))
+        sizes_mm.append(np.sqrt(mean_square[whole > 0]))
+        beside = change_mm[:, _LAG_PX:] * change_mm[:, :-_LAG_PX]
+        both = known[:, _LAG_PX:] & known[:, :-_LAG_PX]
+        product += float(beside[both].sum() / max(both.sum(), 1))
+        square += float((change_mm[known] ** 2).sum() / max(known.sum(), 1))
+    sizes = np.concatenate(sizes_mm)
+    if sizes.size < _LEAST_WINDOWS:
+        return None
+    return _TakenAway(float(np.median(sizes)), product / square if square else 0.0)
+
+
+def _middle(depth_mm: NDArray[Any]) -> Depth:
+    """Cut the middle of a map, at most _TRIED_PX on each side."""
+    rows, columns = (
+        slice(max(n - _TRIED_PX, 0) // 2, (n + _TRIED_PX) // 2) for n in depth_mm.shape
+    )
+    return np.ascontiguousarray(depth_mm[rows, columns], np.float32)
+
+
+class Camera(NamedTuple):
+    """The shipped sensor that resembles a camera ("" if unknown), and the evidence for it."""
+
+    sensor: str
+    because: str
+
+
+def camera_of(recording: Recording) -> Camera:
+    """Recognise a camera: by its stated sensor or name, the size of its images, or their values.
+
+    The depths of an active stereo camera lie on a lattice of disparities.
+    """
+    votes, stated = recording.votes, recording.stated
+    named = stated.name.lower().replace(" ", "-")
+    known = sorted((name for name in sensor_names() if name in named), key=len)
+    if sensor := stated.sensor or (known[-1] if known else ""):
+        return Camera(sensor, f"{recording.stated_by} states it")
+    if not votes.maps_mm:
+        return Camera("", "no map can be read")
+    height, width = votes.maps_mm[0].shape
+    if (sized := _SIZES.get((width, height))) is not None:
+        return Camera(sized, f"its images have {width} x {height} pixels")
+    if votes.step_mm > 0:
+        values = distinct_values(votes.maps_mm, votes.step_mm)
+        lattice = estimate_lattice(values[values <= _SEARCHED_STEPS])
+        if lattice is not None and lattice.accepted:
+            sensor = _STEREO_SIZES.get((width, height), "realsense-d435")
+            return Camera(sensor, "its depths lie on a lattice of disparities")
+    return Camera("", "neither a file nor the maps say what made them")
