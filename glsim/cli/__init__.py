@@ -30,6 +30,7 @@ _COMMANDS = {
     "tune": ("Sensors", "tune:tune", "Change a sensor's noise in a browser."),
     "info": ("Sensors", "info:info", "Print versions and working OpenGL back ends."),
     "denoise": ("Denoise", "denoise:denoise", "Denoise depth maps; 0 means no depth."),
+    "adapt": ("Denoise", "adapt:adapt", "Adapt a network to your camera's frames."),
     "train": ("Denoise", "train:train", "Train a denoiser."),
     "eval": ("Denoise", "eval:evaluate", "Score denoisers on a data set."),
     "eval-real": ("Denoise", "eval_real:evaluate_real", "Score denoisers on real frames."),

@@ -1,0 +1,220 @@
+"""Adapt a shipped network to a camera by the camera's own noisy frames, without clean depth.
+
+Recorrupted-to-recorrupted (Pang et al., CVPR 2021): from a frame y with noise n, and z drawn like
+n, the network learns y - z / A from y + A z. The noise of both is independent, so that the network
+learns the mean. What n is like is measured between two frames of one still view, never guessed
+from single frames; another still pair, which the training does not see, decides when it stops.
+"""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import numpy as np
+import torch
+
+from glsim.core.array_types import Array, Depth
+from glsim.core.depth_frame import DepthFrame
+from glsim.core.depth_map import FLYING_MM
+from glsim.core.errors import TrainError
+from glsim.core.files.atomic import write_atomic
+from glsim.denoise.inference import TorchNetwork, record_of
+from glsim.denoise.registry import shipped_file
+from glsim.measures.depth_noise import still_difference
+from glsim.measures.static import static_pairs
+from glsim.networks.network import NetworkFunction
+from glsim.networks.onnx_file import OpenCvNetwork, read_onnx
+from glsim.train.models.base import channels_last, named_outputs
+from glsim.train.models.mask_aware import MaskAware
+from glsim.train.models.registry import build_model
+from glsim.train.onnx_export import onnx_bytes
+from glsim.train.recipe import load_recipe
+from glsim.train.run_setup import read_start
+from glsim.train.state import copy_weights
+
+#: Share of the noise that is added to the input: a quarter more variance than in use. Chosen.
+_A: Final = 0.5
+#: Crops a step, their side, px, learning rate, steps between two looks at the held-back pair, and
+#: steps without an improvement that end the training. With a rate of 3e-4 the pair of a simulated
+#: office is nearest after 25 steps and farther than at first after 150; with 1e-4 after 50 and 150.
+_BATCH, _CROP_PX, _RATE, _LOOK_EVERY, _PATIENCE = 8, 64, 1e-4, 25, 75
+#: Least share of measured pixels in a crop, and of known noise in the window it is drawn from.
+_LEAST_SHARE: Final = 0.5
+#: The held-back pair must come nearer by this share, or nothing is written: more than the spread
+#: of two trainings. Chosen.
+_LEAST_GAIN: Final = 0.01
+#: Ratio of the bounds of a distance bin of the noise's size, and least number of its pixels.
+_BIN_RATIO, _LEAST_PIXELS = 1.15, 200
+
+
+class Adaptation(NamedTuple):
+    """Root mean square distance of a held-back still frame from the other's mean, mm, and steps."""
+
+    raw_mm: float
+    before_mm: float
+    after_mm: float
+    steps: int
+
+
+class MeasuredNoise:
+    """The noise of still pairs: its size by distance, and maps of it to draw from."""
+
+    def __init__(self, frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> None:
+        """Measure the noise of pairs of frame numbers. Raises TrainError for too few pixels."""
+        differences = [still_difference(frames[a], frames[b]) / np.sqrt(2) for a, b in pairs]
+        depths = [frames[a].measured_mm for a, _ in pairs]
+        noise, depth = (np.concatenate([m.ravel() for m in maps]) for maps in (differences, depths))
+        known = np.isfinite(noise) & np.isfinite(depth)
+        noise, depth = noise[known], depth[known]
+        bins = (np.log(depth) / np.log(_BIN_RATIO)).astype(int)
+        counts, squares = np.bincount(bins), np.bincount(bins, noise**2)
+        used = np.flatnonzero(counts >= _LEAST_PIXELS)
+        if not used.size:
+            raise TrainError("the still frames show too few surfaces to measure their noise")
+        self._bins_mm = _BIN_RATIO ** (used + 0.5)
+        self._sizes_mm = np.sqrt(squares[used] / counts[used])
+        self._maps = [n / self.size_mm(z) for n, z in zip(differences, depths, strict=True)]
+
+    def size_mm(self, depth_mm: Array | Depth) -> Array:
+        """Return the standard deviation of the noise at each depth, mm."""
+        return np.asarray(np.interp(np.nan_to_num(depth_mm), self._bins_mm, self._sizes_mm))
+
+    def draw(self, depth_mm: Depth, rng: np.random.Generator) -> Depth:
+        """Draw noise for a square crop: a window of measured noise, scaled, mirrored, either sign.
+
+        Windows with too little of it are drawn again; what a window lacks is white.
+        """
+        side = len(depth_mm)
+        for _ in range(50):
+            noise = self._maps[rng.integers(len(self._maps))]
+            window = noise[_corner(noise.shape, side, rng)][:: rng.choice((-1, 1))]
+            known = np.isfinite(window)
+            if window.shape == depth_mm.shape and known.mean() >= _LEAST_SHARE:
+                break
+        else:
+            window, known = np.zeros_like(depth_mm), np.zeros(depth_mm.shape, np.bool_)
+        unit = np.where(known, window, rng.standard_normal(depth_mm.shape)) * rng.choice((-1, 1))
+        return np.asarray(unit * self.size_mm(depth_mm), np.float32)
+
+
+def adapt(
+    frames: Sequence[DepthFrame],
+    out: Path,
+    network: str,
+    steps: int,
+    seed: int = 0,
+) -> Adaptation:
+    """Fine-tune a shipped network on noisy frames of one camera, and write it as ONNX.
+
+    Args:
+        frames: noisy frames as measured, with at least two disjoint pairs of one still view each.
+        network: name of a shipped network that sees one frame.
+
+    Returns:
+        What the held-back pair says.
+
+    Raises:
+        TrainError: fewer than two still pairs, or the held-back pair does not come nearer.
+    """
+    pairs = _disjoint(static_pairs(frames))
+    if len(pairs) < 2:
+        raise TrainError(
+            f"{2 * len(pairs)} of the {len(frames)} frames show a still view in pairs: record at "
+            "least four frames with camera and scene at rest, and then what you like"
+        )
+    rng, held = np.random.default_rng(seed), pairs[-1]
+    noise = MeasuredNoise(frames, pairs[:-1])
+    maps = [np.nan_to_num(f.measured_mm) for n, f in enumerate(frames) if n not in held]
+    model = _load(network)
+    judge = _Judge(frames[held[0]], frames[held[1]])
+    before = best = judge.mean_square(model)
+    optimiser = torch.optim.Adam(model.parameters(), lr=_RATE)
+    data, at = b"", 0
+    for step in range(1, steps + 1):
+        model.train()
+        crops = [_crop(maps, rng) for _ in range(_BATCH)]
+        drawn = [noise.draw(crop, rng) for crop in crops]
+        depth, z, size = (
+            torch.from_numpy(np.stack(images).astype(np.float32))[:, None]
+            for images in (crops, drawn, [noise.size_mm(crop) for crop in crops])
+        )
+        target = depth - z / _A
+        error = model(torch.where(depth > 0, depth + _A * z, 0.0)).depth_mm - target
+        known = (depth > 0) & (error.detach().abs() < FLYING_MM + z.abs() / _A)
+        loss = (error[known] / size[known]).square().mean()
+        optimiser.zero_grad()
+        loss.backward()
+        torch.nn.utils.clip_grad_norm_(model.parameters(), 5.0)
+        optimiser.step()
+        if step % _LOOK_EVERY == 0 and (score := judge.mean_square(model)) < best:
+            best, at = score, step
+            data = onnx_bytes(model.eval(), out, record_of(model))
+        if step - at >= _PATIENCE:
+            break
+    raw_mm, before_mm, after_mm = (max(v, 0.0) ** 0.5 for v in (judge.raw, before, best))
+    result = Adaptation(raw_mm, before_mm, after_mm, at)
+    if best > before * (1 - _LEAST_GAIN):
+        raise TrainError(
+            f"the held-back still frames stay {result.before_mm:.3g} mm from each other's mean "
+            f"after {step} steps: {network} fits this camera already; nothing is written"
+        )
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_atomic(data, out)
+    return result
+
+
+class _Judge:
+    """The held-back still pair: distance of a denoised frame from the mean of the other."""
+
+    def __init__(self, first: DepthFrame, second: DepthFrame) -> None:
+        self._frame = np.nan_to_num(first.measured_mm).astype(np.float32)
+        self._difference = still_difference(first, second)  # second - first, NaN: unknown
+        #: Variance of one frame's noise: half of that of the difference.
+        self.raw = float(np.nanmean(0.5 * self._difference**2))
+
+    def mean_square(self, model: MaskAware) -> float:
+        """Return the mean square of denoised - second, less the variance of the second, mm2."""
+        network = NetworkFunction(TorchNetwork(model), "adapt")
+        depth_mm = network(self._frame[None], self._frame[None] > 0, 0)[0]
+        moved = np.where(depth_mm > 0, depth_mm - self._frame, 0)
+        moved = np.where(np.abs(moved) < FLYING_MM, moved, 0)
+        return float(np.nanmean((moved - self._difference) ** 2)) - self.raw
+
+
+def _disjoint(pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Select pairs without a common frame, in order."""
+    chosen: list[tuple[int, int]] = []
+    for pair in pairs:
+        if not any({*pair} & {*other} for other in chosen):
+            chosen.append(pair)
+    return chosen
+
+
+def _load(network: str) -> MaskAware:
+    """Load a shipped network as a PyTorch model with its scale of sigma, which ONNX folds away."""
+    recipe = load_recipe("face-stereo" if network == "face-stereo" else "face").model
+    weights, _ = read_start(network, recipe)
+    model = channels_last(build_model(recipe))
+    assert isinstance(model, MaskAware)
+    copy_weights(weights.values, model, weights.file)
+    probe = np.full((1, 32, 32), 900, np.float32)
+    shipped = OpenCvNetwork(*read_onnx(shipped_file(network)))(probe)["sigma_mm"]
+    with torch.inference_mode():
+        unscaled = named_outputs(model.eval()(torch.from_numpy(probe)[None]))["sigma_mm"]
+        model.sigma_scale.fill_(float(np.median(shipped / unscaled.numpy()[0, 0])))
+    return model
+
+
+def _crop(maps: Sequence[Depth], rng: np.random.Generator) -> Depth:
+    """Cut a random square with enough measured depth; zeros after fifty tries."""
+    for _ in range(50):
+        image = maps[int(rng.integers(len(maps)))]
+        crop: Depth = image[_corner(image.shape, _CROP_PX, rng)]
+        if crop.shape == (_CROP_PX, _CROP_PX) and (crop > 0).mean() >= _LEAST_SHARE:
+            return crop
+    return np.zeros((_CROP_PX, _CROP_PX), np.float32)
+
+
+def _corner(shape: tuple[int, ...], side: int, rng: np.random.Generator) -> tuple[slice, slice]:
+    top, left = (int(rng.integers(max(size - side, 0) + 1)) for size in shape)
+    return slice(top, top + side), slice(left, left + side)
