@@ -10,9 +10,9 @@ from typing import Any, Final
 import numpy as np
 
 from glsim.core.depth_map import BAND_PX, FLYING_MM
-from glsim.eval.metrics.form import hole_curvature_per_m, relief_kept_pct
+from glsim.eval.metrics.form import WIDE_PX, hole_curvature_per_m, relief_kept_pct
 from glsim.eval.metrics.metric import DESCRIPTIONS, Direction, Metric
-from glsim.eval.metrics.scored_map import PSNR_MAX_MM, ScoredMap, psnr_db
+from glsim.eval.metrics.scored_map import BESIDE_PX, PSNR_MAX_MM, ScoredMap, psnr_db
 from glsim.eval.metrics.ssim import PRESETS
 
 #: A normal counts as good if its error is smaller than this angle, degrees.
@@ -37,6 +37,19 @@ def _flying_px(p: ScoredMap) -> float:
     return float(np.count_nonzero(p.valid & (~p.truth.valid | (np.abs(p.error) > FLYING_MM))))
 
 
+def _ring_lost_pct(p: ScoredMap) -> float:
+    truth = p.truth
+    right = truth.ring & truth.input_valid & (np.abs(truth.noisy - truth.clean) <= FLYING_MM)
+    lost = right & (~p.valid | (np.abs(p.error) > FLYING_MM))
+    return 100.0 * _share(float(lost.sum()), float(right.sum()))
+
+
+def _harm_pct(p: ScoredMap) -> float:
+    error, pixels = p.errors("input", "interior")
+    before = p.truth.noisy[pixels] - p.truth.clean[pixels]
+    return 100.0 * _share(float((np.abs(error) > np.abs(before)).sum()), error.size)
+
+
 #: Name -> function. Without a function, ``score`` or its caller computes the metric.
 _VALUES: Final[dict[str, Callable[[ScoredMap], float]]] = {
     "mse_mm2": lambda p: p.mse_mm2,
@@ -47,7 +60,10 @@ _VALUES: Final[dict[str, Callable[[ScoredMap], float]]] = {
     "recall": lambda p: _share(p.counts[0], p.counts[2]),
     "flips_px": lambda p: float(p.flips),
     "flying_px": _flying_px,
+    "ring_lost_pct": _ring_lost_pct,
     "relief_kept_pct": relief_kept_pct,
+    "relief_wide_kept_pct": partial(relief_kept_pct, band_px=WIDE_PX),
+    "harm_pct": _harm_pct,
     "hole_curvature_per_m": hole_curvature_per_m,
     "normal_mean_deg": lambda p: _angle(p, np.mean),
     "normal_median_deg": lambda p: _angle(p, np.median),
@@ -57,6 +73,7 @@ _VALUES: Final[dict[str, Callable[[ScoredMap], float]]] = {
 
 def _shipped() -> Iterator[Metric]:
     numbers = {"psnr_max": PSNR_MAX_MM, "flying": FLYING_MM, "good": _GOOD_DEG, "band": BAND_PX}
+    numbers["beside"] = BESIDE_PX
     for name, (unit, better, group, text) in DESCRIPTIONS["metrics"].items():
         made: dict[str, tuple[Direction, str, Any]] = {name: (better, text, _VALUES.get(name))}
         if name == "ssim":
@@ -73,7 +90,7 @@ def _shipped() -> Iterator[Metric]:
                 )
                 for base, where in DESCRIPTIONS["bases"].items()
                 for part, which in DESCRIPTIONS["parts"].items()
-                if base != "filled" or part == "all"
+                if part in ("all", *{"input": (part,), "both": ("interior", "edge")}.get(base, ()))
                 for key, (way, words) in DESCRIPTIONS["statistics"].items()
             }
         for full, (way, help_, value) in made.items():

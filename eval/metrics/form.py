@@ -21,7 +21,9 @@ from glsim.measures.stacks import eroded
 
 #: Standard deviations of two Gaussians, px. Their difference passes relief of 4 to 8 px: 0.29, 0.51
 #: and 0.51 of waves of 4, 6 and 8 px, and 0.24 of waves of 16 px.
-_BAND_PX: Final = (1.0, 2.2)
+FINE_PX: Final = (1.0, 2.2)
+#: The same for relief twice as wide.
+WIDE_PX: Final = (2.0, 4.4)
 #: Smallest standard deviation of scored relief, mm. Chosen: below it, remaining noise would decide.
 _LEAST_MM: Final = 0.1
 #: Distance from a hole, px. Chosen: twice the band at edges.
@@ -30,15 +32,15 @@ _NEAR_PX: Final = 2 * BAND_PX
 _OTHER_SHARE: Final = 0.001
 
 
-def relief_kept_pct(prediction: ScoredMap) -> float:
-    """Compute the share of the clean relief of 4 to 8 px that a prediction keeps, %.
+def relief_kept_pct(prediction: ScoredMap, band_px: tuple[float, float] = FINE_PX) -> float:
+    """Compute the share of the clean relief in a band of sizes that a prediction keeps, %.
 
     The share is the slope of a regression over interior pixels, which noise does not change on
     average. NaN for a clean map without relief.
     """
     truth = prediction.truth
     inside = prediction.valid & truth.parts["interior"]
-    clean, error = (_relief(depth, inside) for depth in (truth.clean, prediction.error))
+    clean, error = (_relief(depth, inside, band_px) for depth in (truth.clean, prediction.error))
     size = float((clean * clean).sum())
     if size <= _LEAST_MM**2 * np.count_nonzero(inside):
         return math.nan
@@ -86,12 +88,14 @@ def systematic_mm2(
     return float((prediction.error[pixels] * before).mean())
 
 
-def _relief(depth: NDArray[np.float64], inside: Mask) -> NDArray[np.float64]:
-    """Return (H, W) relief of 4 to 8 px in a depth image, mm; 0 outside the mask."""
+def _relief(
+    depth: NDArray[np.float64], inside: Mask, band_px: tuple[float, float]
+) -> NDArray[np.float64]:
+    """Return (H, W) relief in a band of a depth image, mm; 0 outside the mask."""
     share = inside.astype(np.float64)
     fine, coarse = (
         cv2.GaussianBlur(depth * share, (0, 0), sigma)
         / np.maximum(cv2.GaussianBlur(share, (0, 0), sigma), 1e-6)
-        for sigma in _BAND_PX
+        for sigma in band_px
     )
     return np.where(inside, fine - coarse, 0.0)

@@ -6,16 +6,19 @@ import math
 from functools import cached_property
 from typing import Final
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.array_types import Depth, Mask
-from glsim.core.depth_map import central_normals, interior, jumps
+from glsim.core.depth_map import JUMP_MM, central_normals, dilated, interior, jumps
 from glsim.core.errors import DenoiserError
 from glsim.eval.metrics.regions import Regions
 from glsim.eval.metrics.ssim import Moments, ssim
 from glsim.measures.stacks import eroded
 
+#: Largest distance of a pixel "beside holes" from a hole of the input in a surface, px. Chosen.
+BESIDE_PX: Final = 3
 #: Signal maximum MAX in the PSNR of the paper, mm.
 PSNR_MAX_MM: Final = 8000.0
 
@@ -48,7 +51,16 @@ class Truth:
         self.moments = Moments.of(self.clean)
         jumping = jumps(self.clean)
         inside = interior(self.valid, jumping)
-        self.parts = {"all": self.valid, "interior": inside, "edge": self.valid & ~inside}
+        beside = dilated(self.valid & ~self.input_valid, BESIDE_PX) > 0
+        self.parts = {
+            "all": self.valid,
+            "interior": inside,
+            "edge": self.valid & ~inside,
+            "beside_holes": inside & beside,
+        }
+        #: Outermost pixels of surfaces: a neighbour has no depth or is farther by a step.
+        filled = np.where(self.valid, self.clean, 2 * self.clean.max(initial=0) + 2 * JUMP_MM)
+        self.ring: Mask = cv2.dilate(filled, np.ones((3, 3))) - filled > JUMP_MM
         self.smooth = eroded(self.valid & ~jumping, 1)
 
 
@@ -109,7 +121,7 @@ class ScoredMap:
             base: "both": prediction and clean map are valid. "filled": both are valid, the input is
                 not. "input": input and clean map are valid; a missing prediction has the error of
                 the input.
-            part: "all", "interior" or "edge" of the clean map.
+            part: a name of ``Truth.parts``.
         """
         truth = self.truth
         valid = truth.input_valid if base == "input" else self.valid

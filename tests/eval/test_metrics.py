@@ -34,7 +34,8 @@ def pixel_by_pixel(p: Array, c: Array, i: Array) -> dict[str, list[float]]:
 
     jumps = {(y, x) for y in range(height) for x in range(width) if jump(y, x)}
     names = ("both", "both_interior", "both_edge", "input", "input_interior", "input_edge")
-    sets: dict[str, list[float]] = {name: [] for name in (*names, "filled", "angle")}
+    other = ("input_beside_holes", "filled", "angle", "harm", "ring")
+    sets: dict[str, list[float]] = {name: [] for name in (*names, *other)}
     for y in range(height):
         for x in range(width):
             if c[y, x] <= 0:
@@ -48,10 +49,18 @@ def pixel_by_pixel(p: Array, c: Array, i: Array) -> dict[str, list[float]]:
                 sets[f"both_{part}"].append(error)
                 if i[y, x] == 0:
                     sets["filled"].append(error)
+            touching = [at(c, y + dy, x + dx) for dy, dx in near if max(abs(dy), abs(dx)) < 2]
+            outermost = any(z is not None and (z == 0 or z - c[y, x] > 30) for z in touching)
+            if outermost and i[y, x] > 0 and abs(float(i[y, x]) - float(c[y, x])) <= 50:
+                sets["ring"].append(p[y, x] == 0 or abs(error) > 50)
             if i[y, x] > 0:
                 error = error if p[y, x] > 0 else float(i[y, x]) - float(c[y, x])
                 sets["input"].append(error)
                 sets[f"input_{part}"].append(error)
+                if part == "interior":
+                    sets["harm"].append(abs(error) > abs(float(i[y, x]) - float(c[y, x])))
+                    if any(at(c, y + b, x + a) and not at(i, y + b, x + a) for b, a in near):
+                        sets["input_beside_holes"].append(error)
             window = [(y + dy, x + dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1)]
             if all(at(p, *q) and at(c, *q) and q not in jumps for q in window):
                 sets["angle"].append(_angle(p, c, y, x))
@@ -106,6 +115,9 @@ def test_honest_block_is_what_its_words_say(name: str) -> None:
     assert ours["flying_px"] == int(far.sum())
     sets = pixel_by_pixel(prediction, clean, noisy_mm)
     angles = np.asarray(sets.pop("angle"))
+    for key, name in (("harm", "harm_pct"), ("ring", "ring_lost_pct")):
+        shares = sets.pop(key)
+        assert same(ours[name], 100 * float(np.mean(shares)) if shares else NAN), name
     for key, errors in sets.items():
         e = np.asarray(errors)
         none = e.size == 0
