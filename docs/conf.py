@@ -47,6 +47,7 @@ python_use_unqualified_type_names = True
 html_theme = "pydata_sphinx_theme"
 html_title = f"glsim {release}"
 html_static_path = ["_static"]
+templates_path = ["_templates"]
 html_css_files = ["glsim.css"]
 html_show_sourcelink = False
 html_copy_source = False
@@ -54,14 +55,17 @@ html_theme_options = {
     "navigation_with_keys": False,
     "show_toc_level": 2,
     "header_links_before_dropdown": 6,
-    "secondary_sidebar_items": ["page-toc"],
+    "secondary_sidebar_items": {
+        "**": ["page-toc"],
+        **dict.fromkeys(("index", "generated/tutorials/index", "generated/gallery/index"), ()),
+    },
     "footer_start": ["copyright"],
     "footer_end": [],
     "pygments_light_style": "a11y-high-contrast-light",
     "pygments_dark_style": "a11y-high-contrast-dark",
 }
 copyright = "the authors of glsim, MIT licence"
-html_sidebars = {"index": [], "tutorials/start": []}
+html_sidebars = {"**": ["groups"]}
 
 #: First cell of the notebooks: a hosted notebook is a fresh Debian or Ubuntu without glsim.
 #: GLSIM_PIP names another source, such as a wheel file, as long as there is no release.

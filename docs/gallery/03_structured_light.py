@@ -14,22 +14,25 @@ from matplotlib.colors import LightSource
 from glsim import frames, load_settings
 
 SENSORS = ["kinect-v1", "kinect-v1-pattern", "truedepth", "truedepth-filtered"]
-figure, axes = plt.subplots(1, 4, figsize=(10, 3.2), layout="constrained")
-for axis, name in zip(axes, SENSORS, strict=True):
+figure, axes = plt.subplots(2, 2, figsize=(8, 8.4), layout="constrained")
+for axis, name in zip(axes.flat, SENSORS, strict=True):
+    kinect = name.startswith("kinect")
+    distance_mm = 800 if kinect else 500
     settings = load_settings(
         overrides={
             "sensor": name,
             "source": {"subjects": 1, "frames_per_subject": 1},
-            "pose": {"distance_mm": 900 if name.startswith("kinect") else 500, "yaw_deg": 15},
-            "scene": {"wall_mm": 1300},  # without one, the filter fills all of the image
-            "output": {"crop": 240},
+            "pose": {"distance_mm": distance_mm, "yaw_deg": 15},
+            # Without a wall, the filter fills all of the image.
+            "scene": {"wall_mm": distance_mm + 400},
+            "output": {"crop": 240 if kinect else 320, "depth_unit_mm": 0.1},
         }
     )
     (frame,) = frames(settings)
     noisy_mm = frame.noisy * frame.depth_unit_mm
     pixel_mm = np.median(noisy_mm[noisy_mm > 0]) / frame.intrinsics.fx
-    shade = LightSource(45, 45).hillshade(-noisy_mm, dx=pixel_mm, dy=pixel_mm)
+    shade = LightSource(45, 45).hillshade(-noisy_mm, 0.6, pixel_mm, pixel_mm)
     axis.imshow(np.where(noisy_mm > 0, shade, np.nan), cmap="gray", vmin=0, vmax=1)
-    axis.set_title(name, fontsize=9)
+    axis.set_title(name)
     axis.set_axis_off()
 plt.show()

@@ -17,8 +17,8 @@ settings = load_settings(
         "sensor": "kinect-v2",
         "seed": 4,
         "source": {"subjects": 3, "frames_per_subject": 1},
-        # An embedded head ends at the chest: the image ends above.
-        "pose": {"distance_mm": 650, "y_mm": 150},
+        # An embedded head has no arms: the image ends at its shoulders.
+        "pose": {"distance_mm": 620, "y_mm": 225},
         "appearance": {"wear": "always", "glasses": 0.7},
         "scene": {"room": "office", "behind_mm": {"uniform": [900, 2400]}},
     }
