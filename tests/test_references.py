@@ -218,22 +218,9 @@ def test_places_in_shaders_toml_files_docs_and_scripts_exist() -> None:
 
 def test_what_is_gone_is_noticed() -> None:
     everyone = frozenset(options())
-    for text in (
-        "generate one with other shares (--split)",
-        "generate with --crop {}",
-        "--tune: {} has no two frames",
-        "glsim eval data --tune-filter",
-        "changes, as --sets of glsim train",
-    ):
+    for text in ("generate with --crop {}", "changes, as --sets of glsim train"):
         assert unknown_options(text, everyone), text
-    shards = "object storage takes shards: give --format webdataset"
-    assert unknown_options(shards, speakers()["glsim.data.dataset_run"])
     assert unknown_options("glsim train face --set data.crop=64", everyone) == []
     assert unknown_quotes("glsim.cli.tune_page.figures", "count in ``beyond_px`` only")
-    for text in (
-        "The split by images, see glsim.simulation.plan.paper_split.",
-        "specs of ``glsim.denoise.load``",
-        "// arithmetic: differs between drivers, see glsim/gl/arithmetic.py.",
-        "`benchmarks/midair.py` of a commit",
-    ):
+    for text in ("specs of ``glsim.denoise.load``", "drivers, see glsim/gl/arithmetic.py."):
         assert unknown_places(text), text

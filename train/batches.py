@@ -7,23 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from typing import Any, Final, cast
 
 import numpy as np
 import torch
 from lightning_fabric import Fabric
-from torch.utils.data import (
-    BatchSampler,
-    ConcatDataset,
-    DataLoader,
-    Dataset,
-    DistributedSampler,
-    Sampler,
-    Subset,
-    TensorDataset,
-)
+from torch.utils.data import ConcatDataset, DataLoader, Dataset, Sampler, Subset, TensorDataset
 
 from glsim.core.errors import ConfigError
 from glsim.settings.schema import Settings, load_settings
@@ -40,7 +30,7 @@ from glsim.train.data.stored import (
 from glsim.train.models.registry import inputs_of
 from glsim.train.recipe import Recipe
 
-#: Difference between the seeds of two devices, of two data sets, and of two recipes' seeds.
+#: Difference between the seeds of two data sets, and of two recipes' seeds.
 SEED_STRIDE: Final = 1_000_003
 #: Number of pairs per batch of a validation; it affects memory, not results.
 VALIDATION_BATCH: Final = 8
@@ -62,34 +52,28 @@ def spread(frames: Subset[Batch]) -> Subset[Batch]:
 class EpochSampler(Sampler[list[int]]):
     """Sampler of whole batches of pair indices that can start at any batch of an epoch."""
 
-    def __init__(self, count: int, batch: int, seed: int, replicas: int = 1, rank: int = 0) -> None:
-        """Prepare the sampler. Raises ConfigError if a device would get no whole batch."""
-        if count < batch * replicas:
+    def __init__(self, count: int, batch: int, seed: int) -> None:
+        """Prepare the sampler. Raises ConfigError if there is no whole batch."""
+        if count < batch:
             raise ConfigError(
-                f"training.batch = {batch} on {replicas} device(s), but there are {count} pairs to "
-                "train on: set a smaller batch (--set training.batch=1), or generate more pairs"
+                f"training.batch = {batch}, but there are {count} pairs to train on: set a "
+                "smaller batch (--set training.batch=1), or generate more pairs"
             )
-        self._shuffled: DistributedSampler[int] = DistributedSampler(
-            range(count),  # type: ignore[arg-type]  # only its length is used
-            replicas,
-            rank,
-            shuffle=True,
-            seed=seed * SEED_STRIDE,
-            drop_last=True,
-        )
-        self._batches = BatchSampler(self._shuffled, batch, drop_last=True)
-        self._skip = 0
+        self._count, self._batch, self._seed = count, batch, seed * SEED_STRIDE
+        self._epoch = self._skip = 0
 
     def set_epoch(self, epoch: int, skip: int) -> None:
         """Set the epoch of the next iteration, and the number of first batches to skip."""
-        self._shuffled.set_epoch(epoch)
-        self._skip = skip
+        self._epoch, self._skip = epoch, skip
 
     def __len__(self) -> int:
-        return len(self._batches)
+        return self._count // self._batch
 
     def __iter__(self) -> Iterator[list[int]]:
-        return islice(iter(self._batches), self._skip, None)
+        generator = torch.Generator().manual_seed(self._seed + self._epoch)
+        order = torch.randperm(self._count, generator=generator).tolist()
+        for number in range(self._skip, len(self)):
+            yield order[number * self._batch : (number + 1) * self._batch]
 
 
 class StoredBatches:
@@ -110,15 +94,10 @@ class StoredBatches:
         self.validation, self.fingerprint = validation, fingerprint
 
     def prepare(self, fabric: Fabric) -> int:
-        """Set up loading for one device; return the number of batches per epoch.
-
-        Raises ConfigError if a device would get less than one batch.
-        """
+        """Set up loading; return the number of batches per epoch. Raises ConfigError for none."""
         data, batch = self._recipe.data, self._recipe.training.batch
         count = min(data.train_frames or len(self._train), len(self._train))
-        self._sampler = EpochSampler(
-            count, batch, self._recipe.seed, fabric.world_size, fabric.global_rank
-        )
+        self._sampler = EpochSampler(count, batch, self._recipe.seed)
         loader = DataLoader(
             self._train,
             batch_sampler=self._sampler,
@@ -150,7 +129,7 @@ class SimulatedBatches:
             target=recipe.data.target,
             protocol=recipe.data.protocol,
         )
-        self.fingerprint = self._pairs(0, 0).fingerprint()
+        self.fingerprint = self._pairs(0).fingerprint()
         count = recipe.data.validation_frames or _SIMULATED_VALIDATION_FRAMES
         length = -(-count // VALIDATION_BATCH)
         held_out = self._open(batch=VALIDATION_BATCH, split="val", length=length)
@@ -168,17 +147,17 @@ class SimulatedBatches:
         steps = self._recipe.data.epoch_steps
         first, end = epoch * steps + skip, (epoch + 1) * steps
         if self._running is None or self._running[0] != first:
-            loader = self._pairs(self._fabric.global_rank, first).loader(self._recipe.data.workers)
+            loader = self._pairs(first).loader(self._recipe.data.workers)
             self._running = (first, iter(on_device(self._fabric, loader)))
         iterator = self._running[1]
         for number in range(first, end):
             self._running = (number + 1, iterator)
             yield next(iterator)
 
-    def _pairs(self, rank: int, start: int) -> SimulatedPairs:
+    def _pairs(self, start: int) -> SimulatedPairs:
         return self._open(
             batch=self._recipe.training.batch,
-            seed=self._recipe.seed + rank * SEED_STRIDE,
+            seed=self._recipe.seed,
             reuse=self._recipe.data.reuse,
             vary_inputs=True,
             start=start,
@@ -203,7 +182,9 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
         target=data.target,
         protocol=data.protocol,
     )
-    changes = Augmentation(data.flip, data.relief_mm, data.slope_mm_per_px, True)
+    changes = Augmentation(
+        data.flip, data.relief_mm, data.slope_mm_per_px, data.texture, data.averaged, True
+    )
     train: list[PairDataset] = [
         open_split(
             dataset, "train", cut=data.cut, augmentation=changes,

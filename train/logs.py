@@ -72,8 +72,7 @@ def write_json(path: Path, content: Mapping[str, Any]) -> None:
 def write_samples(path: Path, frames: Sequence[tuple[Tensor, Tensor, Tensor]]) -> None:
     """Write a picture with a row per frame: noisy, denoised and clean surface, and error map.
 
-    Args:
-        frames: (noisy_mm, denoised_mm, clean_mm) of each, (1, H, W), 0 = no depth. Blue is nearer.
+    ``frames``: (noisy_mm, denoised_mm, clean_mm) of each, (1, H, W), 0 = no depth. Blue is nearer.
     """
     rows = []
     for frame in frames:

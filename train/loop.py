@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final, NamedTuple, NoReturn
@@ -78,29 +78,25 @@ def fit(
     one: it continues with the number of threads of its beginning.
 
     Args:
-        resume: continue from the last checkpoint in ``folder``, if there is one.
         should_stop: called after each step; True interrupts the training.
         announce: called with a line before a slow part: the first step, the first validation.
 
-    Returns:
-        The content of FOLDER/run.json; its ``state`` is "finished" or "interrupted".
+    Returns the content of FOLDER/run.json; its ``state`` is "finished" or "interrupted".
 
     Raises:
         TrainError: a loss or weight is not finite, the folder is in use, its checkpoint is of
             another recipe or other data, the disk is full.
         ConfigError: for a recipe that cannot be trained.
-        DatasetError: for an unreadable frame.
     """
     recipe = with_precision(recipe, folder / RECIPE_FILE if resume else None)
     fabric = make_fabric(recipe.training)
-    fabric.launch()
-    with locked_run(folder) if fabric.is_global_zero else nullcontext():
+    with locked_run(folder):
         run = TrainingRun(recipe, source, folder, resume, fabric, announce)
         return run.train(on_step, should_stop)
 
 
 class TrainingRun:
-    """One call of ``fit``, with its devices, state, data and run folder."""
+    """One call of ``fit``, with its device, state, data and run folder."""
 
     def __init__(
         self,
@@ -113,7 +109,7 @@ class TrainingRun:
     ) -> None:
         self.recipe, self.source, self.folder, self.fabric = recipe, source, folder, fabric
         self._announce = announce
-        if not resume and fabric.is_global_zero and (folder / RECIPE_FILE).exists():
+        if not resume and (folder / RECIPE_FILE).exists():
             other = "continue it with --resume, or name another folder (-o)"
             raise TrainError(f"{folder}: holds a training: {other}")
         last = last_checkpoint(folder, recipe, source.fingerprint) if resume else None
@@ -151,10 +147,8 @@ class TrainingRun:
         self, on_step: Callable[[StepStatus], None] | None, should_stop: Callable[[], bool]
     ) -> dict[str, Any]:
         """Run steps until the training ends; return the content of run.json."""
-        logs = None
-        if self.fabric.is_global_zero:
-            write_json(self.folder / RECIPE_FILE, self.recipe.model_dump(mode="json"))
-            logs = RunLogs(self.folder, self.progress.steps)
+        write_json(self.folder / RECIPE_FILE, self.recipe.model_dump(mode="json"))
+        logs = RunLogs(self.folder, self.progress.steps)
         show = on_step or (lambda _: None)
         ended_by, stopped, loss = self.ended_by(), False, math.nan
         while not (ended_by or stopped):
@@ -168,7 +162,7 @@ class TrainingRun:
                 if validated:
                     self.validate(logs)
                 show(self.status(loss, validated))
-                ended_by, stopped = self.fabric.broadcast((self.ended_by(), should_stop()))
+                ended_by, stopped = self.ended_by(), should_stop()
                 if ended_by or stopped:
                     break
                 if validated or self.progress.step == 0:
@@ -176,8 +170,7 @@ class TrainingRun:
         if ended_by and self.progress.loss_count:  # some steps were not validated yet
             self.validate(logs)
             show(self.status(loss, True))
-        if logs is not None:
-            logs.close()
+        logs.close()
         return self.save("finished" if ended_by else "interrupted", ended_by)
 
     def step(self, noisy_mm: Tensor, clean_mm: Tensor) -> float:
@@ -218,7 +211,7 @@ class TrainingRun:
                 self._fail(noisy_mm, clean_mm, "a weight is nan or infinite")
         return loss
 
-    def validate(self, logs: RunLogs | None) -> None:
+    def validate(self, logs: RunLogs) -> None:
         """Compute the validation metrics; save the best weights; log metrics and samples.
 
         Raises TrainError if the monitored metric is not finite.
@@ -228,9 +221,8 @@ class TrainingRun:
             self._announce(f"step {progress.steps}: first validation")
         network.eval()
         with self.fabric.autocast():
-            self.figures = self.fabric.broadcast(
-                validation_figures(network, self._validation_batches(), self.state.loss)
-            )
+            batches = self._validation_batches()
+            self.figures = validation_figures(network, batches, self.state.loss)
         value = self.figures[self.recipe.training.monitor]
         if not math.isfinite(value):
             raise TrainError(
@@ -243,14 +235,12 @@ class TrainingRun:
         progress.stale += 1
         if progress.best is None or value < progress.best:
             progress.best, progress.best_step, progress.stale = value, progress.steps, 0
-            if logs is not None:
-                self._save_best()
-        if logs is not None:
-            figures = {f"validation_{name}": number for name, number in self.figures.items()}
-            lr = self.optimiser.param_groups[0]["lr"]
-            row = {"epoch": progress.epoch, "loss": mean_loss, "lr": lr, "seconds": self._seconds()}
-            logs.write(row | figures, progress.steps)
-            self._draw_samples()
+            self._save_best()
+        figures = {f"validation_{name}": number for name, number in self.figures.items()}
+        lr = self.optimiser.param_groups[0]["lr"]
+        row = {"epoch": progress.epoch, "loss": mean_loss, "lr": lr, "seconds": self._seconds()}
+        logs.write(row | figures, progress.steps)
+        self._draw_samples()
 
     def _validation_batches(self) -> Iterator[Batch]:
         """Yield the batches for a validation, the same each time.
@@ -299,9 +289,8 @@ class TrainingRun:
             "data": self.source.fingerprint,
             "start": self.start,
         }
-        if self.fabric.is_global_zero:
-            checkpoint.save(self.folder / checkpoint.LAST, self._header() | self.state.dump())
-            write_json(self.folder / RUN_FILE, report)
+        checkpoint.save(self.folder / checkpoint.LAST, self._header() | self.state.dump())
+        write_json(self.folder / RUN_FILE, report)
         return report
 
     def status(self, loss: float, validated: bool) -> StepStatus:

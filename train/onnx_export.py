@@ -104,8 +104,7 @@ def _test_stack(inputs: NetworkInputs, height: int, width: int) -> NDArray[np.fl
     """Create test inputs of a frame, (C, height, width); neighbours have other noise."""
     seeds = range(1 + inputs.before + inputs.after)
     frame, *others = (_test_frame(height, width, seed) for seed in seeds)
-    infrared = np.where(frame > 0, 2e9 / np.maximum(frame, 1) ** 2, 0)
-    return stack_inputs(inputs, frame, others[: inputs.before], others[inputs.before :], infrared)
+    return stack_inputs(inputs, frame, others[: inputs.before], others[inputs.before :])
 
 
 def _test_frame(height: int, width: int, seed: int) -> NDArray[np.float32]:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from math import cos, pi
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Any, Final, Literal
 
 from pydantic import Field
 
@@ -65,14 +65,14 @@ class ScheduleSettings(TomlTable):
 
 
 class TrainingSettings(TomlTable):
-    """Batch size, validation interval, limits, early stopping, precision and devices."""
+    """Batch size, validation interval, limits, early stopping and precision."""
 
     start: str | None = Field(
         None,
         description="a checkpoint, an ONNX file or a shipped network (face) whose weights the "
         "training starts from; further inputs of this network have no weight at first",
     )
-    batch: int = Field(4, ge=1, le=4096, description="pairs per step and device")
+    batch: int = Field(4, ge=1, le=4096, description="pairs per step")
     max_epochs: int | None = Field(None, ge=1, description="limit; default: none")
     max_steps: int | None = Field(None, ge=1, description="limit; default: none")
     max_minutes: float | None = Field(None, gt=0, description="training time, over all resumes")
@@ -95,9 +95,6 @@ class TrainingSettings(TomlTable):
         "processor computes in bfloat16, else 32-true",
     )
     compile: bool = Field(False, description="whether torch.compile is used")
-    devices: Annotated[int, Field(ge=1, le=1024)] | Literal["auto"] = Field(
-        1, description="number of GPUs; a CPU is one device"
-    )
 
 
 class DataSettings(TomlTable):
@@ -123,6 +120,12 @@ class DataSettings(TomlTable):
     )
     slope_mm_per_px: float = Field(
         0.0, ge=0, le=100, description="largest slope of a plane added to stored pairs; 0: none"
+    )
+    texture: float = Field(
+        0.0, ge=0, le=1, description="share of stored pairs with ribs or grain, as fabric and hair"
+    )
+    averaged: float = Field(
+        0.0, ge=0, le=1, description="share of stored pairs with the noise of averaged frames"
     )
     photographs: str | None = Field(
         None,

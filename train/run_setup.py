@@ -1,4 +1,4 @@
-"""Preparation of a run before its first step: devices, folder and checkpoint to resume."""
+"""Preparation of a run before its first step: device, folder and checkpoint to resume."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from typing import Any, Final
 
 import torch
 from lightning_fabric import Fabric
-from lightning_fabric.utilities.exceptions import MisconfigurationException
 
 from glsim.core.errors import ConfigError, TrainError
 from glsim.core.files.atomic import file_checksum, wrap_write_errors
@@ -90,7 +89,7 @@ def continue_arithmetic(begun: Mapping[str, Any], fabric: Fabric, where: object)
 
 
 def make_fabric(settings: TrainingSettings) -> Fabric:
-    """Create the Fabric of devices and precision. Raises ConfigError if the machine lacks them."""
+    """Create the Fabric of device and precision. Raises ConfigError if the machine lacks them."""
     on_gpu = torch.cuda.is_available()
     if settings.precision == "auto":
         raise ValueError("auto is no precision: see with_precision")
@@ -98,17 +97,11 @@ def make_fabric(settings: TrainingSettings) -> Fabric:
         raise ConfigError("training.precision = '16-mixed' needs a GPU: set bf16-mixed or 32-true")
     # 32-true excludes TF32, cuDNN's default: ten bits, steps of half a millimetre at 900 mm.
     torch.backends.cudnn.allow_tf32 = settings.precision != "32-true"
-    try:
-        with warnings.catch_warnings():
-            # Lightning's advice to start with srun wherever that command exists.
-            warnings.filterwarnings("ignore", message=".*srun")
-            return Fabric(
-                accelerator="cuda" if on_gpu else "cpu",
-                devices=settings.devices if on_gpu else 1,
-                precision=settings.precision,
-            )
-    except MisconfigurationException as error:
-        raise ConfigError(f"training.devices = {settings.devices}: {error}") from None
+    with warnings.catch_warnings():
+        # Lightning's advice to start with srun wherever that command exists.
+        warnings.filterwarnings("ignore", message=".*srun")
+        accelerator = "cuda" if on_gpu else "cpu"
+        return Fabric(accelerator=accelerator, devices=1, precision=settings.precision)
 
 
 def read_start(start: str, model: Mapping[str, Any]) -> tuple[WeightsOf, dict[str, Any]]:
@@ -116,10 +109,6 @@ def read_start(start: str, model: Mapping[str, Any]) -> tuple[WeightsOf, dict[st
 
     Returns the weights, and name and CRC32 of the file, for run.json and checkpoints. Raises
     TrainError for a missing or damaged file, and for an ONNX file of another network.
-
-    Args:
-        start: ``training.start`` of a recipe.
-        model: table [model] of the recipe.
     """
     path = Path(start)
     if not path.exists() and start not in NETWORKS:

@@ -36,7 +36,7 @@ columns, rows = np.meshgrid(np.arange(512), np.arange(424))
 scene = 1500 + 2.0 * (columns - 256) + 0.4 * rows
 for left, top, depth in ((60, 220, 900), (210, 250, 1150), (360, 60, 1500)):
     scene[top : top + 140, left : left + 110] = depth
-scene = scene.astype(np.uint16)
+scene_m = scene.astype(np.uint16).astype(np.float32) / 1000
 
 camera = load_settings(
     overrides={"sensor": "kinect-v2-fast", "stage": {stage.name: planted}, "seed": 3}
@@ -46,7 +46,7 @@ recording.mkdir()
 noisy = []
 with DepthNoise(camera) as noise:
     for number in range(40):
-        frame = noise.corrupt(scene, f"frame {number}")
+        frame = noise.corrupt_depth(scene_m, frame=number)
         noisy.append(frame.noisy)
         cv2.imwrite(str(recording / f"{number:04d}_depth.png"), frame.noisy)
         cv2.imwrite(str(recording / f"{number:04d}_ir.png"), frame.infrared)
@@ -92,7 +92,7 @@ done.check_returncode()
 # The fitted sensor sees the same scene. Its noise over distance should be that of the recording.
 again = load_settings(overrides={"sensor": str(sensor), "seed": 11})
 with DepthNoise(again) as noise:
-    simulated = [noise.corrupt(scene, f"frame {n}").noisy for n in range(40)]
+    simulated = [noise.corrupt_depth(scene_m, frame=n).noisy for n in range(40)]
 fitted = np.stack(simulated).astype(np.float32)
 fitted_spread = np.where((fitted > 0).all(axis=0), fitted.std(axis=0), np.nan)
 

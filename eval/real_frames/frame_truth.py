@@ -96,7 +96,10 @@ class FrameTruth:
         shift, planes = np.zeros((SHIFT_BINS, 2)), np.zeros((_BINS, 2))
         edges = np.zeros(len(EDGE_SUMS))
         if not self._pairs_only:
-            shift, planes = self._shift(moved), self._planes(filled)
+            at_mm = surface_mm(self.frame)
+            used = surfaces(self.frame).smooth & (distance_bin(at_mm) >= 0)
+            numbers = (at_mm[used] / SHIFT_BIN_MM).astype(np.int64)
+            shift, planes = _sums(numbers, moved[used], SHIFT_BINS), self._planes(filled)
             edges = self.edge_sums(denoised_mm)
         return Tally(self._pair(moved), self._paper(filled), shift, planes, edges)
 
@@ -134,11 +137,6 @@ class FrameTruth:
                 residual = depth - 1 / _fitted(1 / depth, np.nonzero(inliers), 1)
                 sums[number] += depth.size, float(residual @ residual)
         return sums
-
-    def _shift(self, moved: Array) -> Array:
-        at_mm = surface_mm(self.frame)
-        used = surfaces(self.frame).smooth & (distance_bin(at_mm) >= 0)
-        return _sums((at_mm[used] / SHIFT_BIN_MM).astype(np.int64), moved[used], SHIFT_BINS)
 
     def edge_sums(self, other_mm: Depth) -> Array:
         """Count the pixels listed in EDGE_SUMS for a map, (H, W) mm with 0 = no depth."""

@@ -118,9 +118,7 @@ def add_up(
 ) -> RealScores:
     """Add up the sums of the scored frames and compute all measures.
 
-    Args:
-        versions: label -> version of the denoiser's file.
-        tuning_half: True: static pairs of the tuning half; False: of the scoring half; None: all.
+    ``tuning_half``: True: static pairs of the tuning half; False: of the scoring half; None: all.
     """
     half = recording.tuning_units()
     units = np.ones_like(half) if tuning_half is None else half == tuning_half

@@ -42,8 +42,6 @@ class ScoredBlock:
     """The scores of a block as JSON-compatible values, with None for NaN.
 
     Attributes:
-        rows: a row per frame and method.
-        baselines: a row per frame and trivial baseline.
         bias: method -> subject -> bins, see ``glsim.eval.scoring.bias``.
         bad: frames that all methods or one method could not score, with the reason.
     """

@@ -162,7 +162,6 @@ def open_frames(
 
     Args:
         path: a data set, or a folder of pairs, whose sub-folder ``split`` is taken if it exists.
-        split: train, val or test.
         focal_px: focal length of the camera of pairs; default: a Kinect V2's.
         truth: layer that becomes ``clean_mm``.
         device: sensor file whose fixed pattern and wiggling are subtracted from noisy maps.

@@ -126,7 +126,6 @@ def image_window(
 
     Args:
         corners_m: (8, 3) corners of the mesh's bounding box, camera frame.
-        field_of_view: the directions that the rig sees.
         visible: the crop of the image that is delivered, or None.
         reach_px: the distance around the crop at which stages read pixels, besides the margin.
         around: a frustum of the mesh that is smaller than its bounding box, or None.

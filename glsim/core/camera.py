@@ -285,8 +285,7 @@ class ColourCamera:
 
     Args:
         position_m: position in the depth camera's frame, metres.
-        turn_deg: rotation vector (axis times angle, degrees) from the depth camera's frame to this
-            camera's frame.
+        turn_deg: rotation vector (axis times angle, degrees) from the depth camera's frame.
     """
 
     intrinsics: Intrinsics

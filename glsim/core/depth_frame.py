@@ -47,8 +47,6 @@ class DepthFrame(Mapping[str, Any]):
     mapping from names to maps and key parts, so that a DataLoader of PyTorch can batch it.
 
     Args:
-        key: subject, sequence and number.
-        intrinsics: the camera of the maps.
         layers: name -> (H, W) map, or a function that reads it; "noisy_mm" is required. Depth is
             float32 millimetres, 0 = none. "infrared" is counts. "reason" and "regions" are uint8
             codes. "normals" is (H, W, 3).
@@ -56,7 +54,6 @@ class DepthFrame(Mapping[str, Any]):
             distance from the camera is unknown.
         step_mm: step of the stored depths, whose rounding adds step^2 / 12 to a variance; 0 for
             depths that were not rounded.
-        record: the fields that a data set stores with the frame.
         name: a name that is unique in its set; default: the key.
         lens: distortion of the maps; default: none, for maps of a pinhole camera.
     """
@@ -202,13 +199,9 @@ class Frames(Sequence[DepthFrame]):
     """A numbered set of depth frames of one camera; the frames of a sequence are consecutive.
 
     Args:
-        count: number of frames.
         load: number -> frame; raises DatasetError if it is missing or damaged.
         key: number -> key, without reading the frame; default: the key of the loaded frame.
-        title: name of the set in tables.
         identity: a text that changes whenever the frames may have changed.
-        regions: labelled parts of the face, name -> number.
-        protocol: the origin of the depths.
         note: a sentence for the user that says what was assumed or left out.
     """
 

@@ -105,8 +105,7 @@ def dilated(mask: Maps, radius_px: int) -> Maps:
 def normals(depth_m: Maps, rays: Maps) -> Maps:
     """Compute (..., H, W, 3) unit normals towards the camera; (0, 0, -1) where depth is 0.
 
-    A difference is central if both neighbours lie on the pixel's surface, and one-sided if one of
-    them does.
+    A difference is central if both neighbours lie on the pixel's surface, one-sided if one does.
 
     Args:
         depth_m: (..., H, W) float32 metres, 0 = no depth.

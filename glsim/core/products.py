@@ -66,8 +66,7 @@ def nearest_rotation(matrix: Array) -> Array:
     return np.asarray(out)
 
 
-#: The number of correct digits doubles each time: 12 iterations suffice for singular values of 1
-#: to 0.001.
+#: Each iteration doubles the correct digits: 12 suffice for singular values of 1 to 0.001.
 _ITERATIONS, _CONVERGED = 30, 1e-14
 
 

@@ -40,9 +40,7 @@ class FrameMaker(Protocol):
 class RenderJob:
     """The job of all workers of a run: render, write and record chunks.
 
-    Attributes:
-        inputs: hashes of the driver's input files; other machines compare theirs with them.
-        code: version of the driver's code.
+    ``inputs``: hashes of the driver's input files; other machines compare theirs with them.
     """
 
     settings: Settings

@@ -23,12 +23,7 @@ CHUNK_FRAMES = {"png": 32, "webdataset": 512}
 
 @dataclass(frozen=True)
 class Chunk:
-    """A unit of work: tasks of consecutive frames of one split.
-
-    Attributes:
-        number: position among all chunks.
-        order: position among the chunks of the split.
-    """
+    """A unit of work: tasks of consecutive frames of one split."""
 
     number: int
     split: str

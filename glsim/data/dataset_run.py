@@ -120,12 +120,7 @@ def run_all(run: DatasetRun, render: ChunkRenderer, progress: Progress | None) -
 def make_missing_chunks(
     run: DatasetRun, state: RunState, part: Part | None, render: ChunkRenderer, counts: RunCounts
 ) -> None:
-    """Render the missing and damaged chunks. Raises the errors of ``write_dataset``.
-
-    Args:
-        state: the locked state folder.
-        part: make the chunks of this part. None: all.
-    """
+    """Render the missing and damaged chunks. Raises the errors of ``write_dataset``."""
     missing = _find_missing_chunks(run, state, run.numbers(part), counts)
     job = RenderJob(run.settings, state, run.make_frames, run.found)
     with closing(render(job, missing, run.plan)) as events:
@@ -247,13 +242,10 @@ def write_dataset(
     after ending the workers. After any of these, the same call continues the run.
 
     Args:
-        out: folder, or URL of object storage.
-        make_frames: see FrameMaker.
         sensor, renderer: descriptions for the header, equal in a resumed run.
         regions: name -> number in the layer "regions".
         inputs: hashes the files that the settings name, equal in a resumed run.
         workers: number of processes; 1 renders in this process.
-        progress: called with the state of the run.
     """
     store = open_store(out)
     run = DatasetRun(settings, tasks, store, make_frames, sensor, renderer, regions, inputs)

@@ -50,12 +50,10 @@ def generate(
 
     Args:
         out: a folder, or a URL such as s3://bucket/faces for the format webdataset.
-        backend: "egl" or "osmesa".
         portable: compute alike on all x86-64 processors since Haswell, see
             ``portable_environment``.
         ray: address of a Ray cluster that renders instead of ``workers``, see
             ``glsim.data.ray_cluster.ray_cluster``.
-        progress: called with the state of the run.
     """
     run, render = _simulation(settings, out, workers, backend, portable, ray)
     return run_all(run, render, progress)

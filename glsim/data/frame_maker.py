@@ -20,7 +20,6 @@ class SameMachineSimulator:
     """A FrameMaker that simulates only if this machine computes like the first machine.
 
     Attributes:
-        machine: the machine that began the data set.
         sources, backend, layers: see ``glsim.simulation.pipeline.simulate``.
         keep: keep context and simulator for further calls in this process; linking the shader
             programs again takes as long as about ten frames.

@@ -45,9 +45,7 @@ def refuse_other_inputs(
 ) -> None:
     """Raise ConfigError if this machine's input files of some tasks differ from ``expected``.
 
-    Args:
-        expected: hashes of the whole data set's inputs, from the machine that drives the run.
-        where: name of this machine, for the message.
+    ``expected``: hashes of the whole data set's inputs, from the machine that drives the run.
     """
     for source, files in source_hashes(sources, tasks).items():
         theirs = expected.sources.get(source, {})

@@ -10,14 +10,13 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.errors import ConfigError, GlsimError
 from glsim.core.files.listing import entries
 from glsim.data.disk_format import HEADER
+from glsim.data.recordings.files import spread
 from glsim.faces import open_source
-from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSettings, FaceSource
+from glsim.faces.face_source import BadFace, FaceKey, FaceSettings, FaceSource
 from glsim.faces.meshes.alignment import Turns, describe_notes
 from glsim.faces.meshes.load import load_mesh
 from glsim.faces.one_mesh import OneMesh
@@ -42,13 +41,8 @@ class FaceSetReport:
     """A report of a face set: its people, frames, units and problems.
 
     Args:
-        kind: name of the source, or "mesh".
-        people: subject -> (sequences, frames).
-        checked: number of loaded frames.
         vertices, triangles: (smallest, largest) number in a mesh.
         placements: description of unit and axes -> number of frames.
-        problems: description -> number of frames.
-        usable: keys of the frames that can be rendered.
     """
 
     kind: str
@@ -103,7 +97,7 @@ def inspect(
         frames = source.frames(subject, frames_each)
         report.people[subject] = len({key.sequence for key in frames}), len(frames)
         keys += frames
-    chosen = keys if sample == 0 else _spread(keys, sample)
+    chosen = [keys[number] for number in spread(len(keys), sample or len(keys))]
     sizes: list[tuple[int, int]] = []
     for result in source.load(chosen):
         report.checked += 1
@@ -112,7 +106,11 @@ def inspect(
         else:
             sizes.append((len(result.mesh.vertices_mm), len(result.mesh.faces)))
             report.usable.append(result.key)
-            _add_notes(report, result)
+            placement, doubts = describe_notes(result.notes)
+            if placement:
+                report.placements[placement] += 1
+            for doubt in doubts:
+                report.problems[f"{result.key.subject}: {doubt}"] += 1
     if sizes:
         vertices, triangles = zip(*sizes, strict=True)
         report.vertices = min(vertices), max(vertices)
@@ -134,21 +132,6 @@ def preview_faces(
             key = result.key
             caption = f"{key.subject} {key.sequence} {key.frame}"
             yield result.measured(caption, rounded=False)
-
-
-def _add_notes(report: FaceSetReport, face: Face) -> None:
-    """Add a face's unit, axes and doubts about them to the report's counts."""
-    placement, doubts = describe_notes(face.notes)
-    if placement:
-        report.placements[placement] += 1
-    for doubt in doubts:
-        report.problems[f"{face.key.subject}: {doubt}"] += 1
-
-
-def _spread(keys: list[FaceKey], count: int) -> list[FaceKey]:
-    """Return ``count`` evenly spaced keys, including the first and the last."""
-    chosen = np.linspace(0, len(keys) - 1, min(count, len(keys)))
-    return [keys[number] for number in chosen.round().astype(int)]
 
 
 def _folders(root: Path, depth: int) -> Iterator[Path]:

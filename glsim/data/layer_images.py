@@ -76,8 +76,7 @@ def webdataset_decoder(key: str, data: bytes) -> LayerImage | dict[str, Any] | N
     ``depth_offset_mm``. Any other member gives None, and the next decoder is asked. The library's
     ``decode("pil")`` would give 8 bits, with 255 for every depth above 255.
 
-    Args:
-        key: the member's name after the sample's number, such as ".noisy.png" or ".json".
+    ``key``: the member's name after the sample's number, such as ".noisy.png" or ".json".
     """
     name = key.lstrip(".")
     if name == "json":

@@ -101,8 +101,6 @@ def read_stored(
     Args:
         path: the file; a suffix that is neither in SUFFIXES nor in DUMPS is read as PNG.
         number: number of the map in a stack; None if the file has one map.
-        inside: folder; a link that leads out of it is refused.
-        channel: name of the depth channel of an OpenEXR file.
 
     Raises:
         DatasetError: no such file, no depth map, too many pixels.
@@ -304,7 +302,6 @@ def depth_in_mm(
 
     Args:
         image: integers in steps of the unit (65535 = no depth), or floats.
-        unit_mm: step of integers, mm.
         offset_mm: depth that is added to integers, see ``from_steps``.
         in_metres: whether floats are metres; if not, they are millimetres.
     """
@@ -338,11 +335,7 @@ def encode_map(
 
     Raises DepthRangeError: a depth is beyond 16 bits of the unit.
 
-    Args:
-        depth_m: (H, W) metres, 0 = no depth.
-        form: one of FORMATS.
-        unit_mm: step of integers, mm.
-        option: command-line option that the message of ``DepthRangeError`` names.
+    ``depth_m``: (H, W) metres, 0 = no depth.
     """
     if form in FLOAT_FORMATS:
         encode = {"npy": encode_npy, "exr": encode_exr}.get(form, _encode_tiff)

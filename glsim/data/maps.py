@@ -121,13 +121,11 @@ def open_maps(
 
     Args:
         inputs: a data set of glsim, a bag or Matroska file, or folders, files and patterns.
-        kind: kind of the maps; images of the other kinds in a folder are left out.
         unit_mm: step of integers, mm. Default: the step that files or data sets state, else 1.
         channel: channel of OpenEXR files. Default: from camera.toml, else the channel named depth.
         infrared: infrared image, or folder of such images. Default: images beside the depth files.
         mirror: whether to flip left and right; images of libfreenect2 are mirrored.
         topic: topic of the depth images in a bag. Default: native images named depth.
-        below: whether to read maps in sub-folders, too.
         needs_camera: whether maps must have the size of the stated camera.
         along_rays: whether depths are distances along the pixels' rays, as camera.toml may state.
         crops: whether files of a data set get the intrinsics of their (cropped) frame there.
@@ -181,7 +179,6 @@ class _FileList:
         left_out: file-name pattern of images that are not read -> number of images.
         outputs: relative path of each changed map when it is written; set by ``reader``.
         cameras: folder -> stated camera and unit.
-        stated_by: file or data set that states the first camera.
         records: absolute path of a data set's file -> its frame there, if the frame is needed.
     """
 
@@ -217,9 +214,7 @@ class _FileList:
     def find_cameras(self, given: Sequence[Path], crops: bool) -> None:
         """Find the stated camera of each folder, in its data set or in files beside the maps.
 
-        Args:
-            given: inputs; a folder may have such files above the folders of its maps.
-            crops: see ``open_maps``.
+        ``given``: inputs; a folder may have such files above the folders of its maps.
         """
         self._named.sort(key=lambda pair: natural(pair[0]))
         nearest_mm: list[float | None] = []

@@ -39,8 +39,6 @@ class GenerateSummary:
         frames, subjects: split -> number.
         skipped: reason -> number of frames.
         rendered, reused: frames of this run and of earlier runs, skipped frames included.
-        bytes: size of all images.
-        seconds: wall time.
         cpu_seconds: CPU time of this process, its workers and the nodes of its cluster.
         notes: assumptions about the input, in lines for the user.
     """

@@ -180,11 +180,8 @@ def run_tasks(
     if none is left, and DatasetError for a call whose processes die repeatedly.
 
     Args:
-        ray: the module, connected to the cluster.
         function: called with a list that holds the reference of ``shared``, and with the arguments.
-        shared: sent to the cluster once.
         calls: name and arguments of each call, taken when there is a core for it.
-        environment: variables for the processes of the nodes.
     """
     variables = {"env_vars": SINGLE_THREADED | dict(environment or {})}
     options = {"num_cpus": 1, "max_retries": _RETRIES, "runtime_env": variables}

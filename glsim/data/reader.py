@@ -36,7 +36,6 @@ class Dataset:
     or one whose header or manifest is damaged or was changed.
 
     Attributes:
-        header: the contents of dataset.json.
         path: its folder. For object storage: a folder with copies of header and manifest in the
             cache of glsim ($GLSIM_CACHE, else ~/.cache/glsim).
         is_remote: whether the images are in object storage.

@@ -45,14 +45,11 @@ class Recording:
     Attributes:
         path: the folder, or the first of several files.
         kind: "data set", "images", "npy", "libfreenect2", "biwi", "bag" or "mkv".
-        frames: the frames, each read at its first use.
         reader: reader of the files; None for a data set.
         stated: the stated camera; its lens distortion is not removed from the frames.
-        notes: lines for the user about choices and missing statements.
         left_out: file-name pattern of images that are not read -> number of images.
         outputs: relative path of each changed map when it is written.
         protocol: origin of the depths in the files; frames always have measured depths.
-        layer: name of the depth layer in the frames, such as "noisy_mm".
         assumed: name of the sensor whose intrinsics are assumed; "" for stated intrinsics.
     """
 
@@ -80,7 +77,6 @@ class Recording:
         """Describe what is left out and assumed, for every command; "" if there is nothing.
 
         Args:
-            focal_px: focal length from an option, px.
             taken: name of the sensor whose intrinsics are used. Default: ``assumed``.
             camera: whether the intrinsics matter.
         """
@@ -172,12 +168,7 @@ class Recording:
 
         If at least half of the frames have infrared, frames without it are left out.
 
-        Args:
-            most: as in ``read``.
-            part: the frames to use. Default: all.
-
-        Returns:
-            The frames; ``note`` says how many, and how much of them was at rest.
+        Returns the frames; ``note`` says how many, and how much of them was at rest.
 
         Raises the errors of ``read``; DatasetError for a single frame and if too little is at rest.
         """

@@ -55,8 +55,7 @@ class RunState:
 
         A part waits until another run ends, since this may be the merge of all parts.
 
-        Args:
-            identity: header entries that decide the bytes.
+        ``identity``: header entries that decide the bytes.
 
         Raises:
             DatasetError: another run holds the lock, the store holds other files, or writing fails.

@@ -34,11 +34,6 @@ def stored_frame(
     """Return a frame of a data set; it reads and checks each image at its first use.
 
     The offset of the files is added, so that its depths are measured depths.
-
-    Args:
-        record: of the frame in the manifest, see ``glsim.data.records.frame_record``.
-        step_mm: millimetres per step of stored depth.
-        lens: lens distortion that is present in the images.
     """
     images = StoredImages(store, record, step_mm)
     layers: dict[str, Any] = {}
@@ -62,11 +57,7 @@ def stored_frame(
 
 
 class StoredImages:
-    """A reader of one frame's images, which fetches remote images by one request.
-
-    Args:
-        step_mm: millimetres per step of stored depth.
-    """
+    """A reader of one frame's images, which fetches remote images by one request."""
 
     def __init__(self, store: Store, record: Mapping[str, Any], step_mm: float) -> None:
         self._store, self._record, self._step_mm = store, record, step_mm

@@ -28,7 +28,6 @@ def verify(path: Path | str, deep: bool = False, *, strays: bool = True) -> list
     split has a record. Never raises DatasetError.
 
     Args:
-        path: folder or URL of the data set.
         deep: also check the CRC32 of every shard, and decode every image.
         strays: also list files in the splits without a record.
     """

@@ -198,7 +198,6 @@ def run_tasks(
     or twice at a task; and the errors of ``job.run``.
 
     Args:
-        tasks: taken one by one, at the request of workers.
         processes: number of workers; a single worker runs here, in the order of the tasks. So do
             all on Windows, where a process inherits no socket.
         environment: variables for the workers. With any, a single worker is a process, too: NumPy

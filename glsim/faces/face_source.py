@@ -41,9 +41,7 @@ class ComputedKeys(Sequence[FaceKey]):
 
     No two keys have the same sequence and frame.
 
-    Args:
-        count: number of keys.
-        words: all values on which the keys depend.
+    ``words``: all values on which the keys depend.
     """
 
     def __init__(self, count: int, *words: object) -> None:
@@ -88,7 +86,6 @@ class Face:
     """The meshes and metadata of one frame.
 
     Args:
-        parts: worn meshes, rendered with the face.
         neck: description of the neck, which bends when the head turns. None: the whole mesh turns.
         expression: action unit or blend shape -> intensity in [0, 1], without zeros.
         notes: further metadata for the manifest (JSON values only), such as the detected unit.
@@ -117,7 +114,6 @@ class Topology:
     Args:
         triangles: (F, 3) int32.
         regions: (V,) uint8 indices into ``region_names``, or None.
-        region_names: names of face regions.
         landmarks: (68,) int64 vertices in the order of ``glsim.faces.regions``, or None.
     """
 
@@ -176,9 +172,7 @@ class FaceSettings(SourceSettings):
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
         """Return the confidence, 0 to 1, that a folder holds faces of this kind.
 
-        Args:
-            root: the folder.
-            folders: some of the folders below it, up to four levels deep.
+        ``folders``: some of the folders below it, up to four levels deep.
         """
         return 0.0
 

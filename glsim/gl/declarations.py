@@ -59,10 +59,7 @@ _LAYER_TYPES = {"float": 1, "vec2": 2, "vec4": 4}
 class Parameter:
     """A declared parameter of a stage; its values are floats, also for int and bool.
 
-    Attributes:
-        slider: range of the slider, if it is smaller than [low, high].
-        log_scale: whether the slider is logarithmic.
-        step: step of the slider; 0: the slider chooses it.
+    ``slider``: range of the slider, if it is smaller than [low, high].
     """
 
     name: str
@@ -201,9 +198,7 @@ def slider_of(
 
     Returns the fields ``slider``, ``log_scale`` and ``step`` of a Parameter.
 
-    Args:
-        text: the part of the note after the semicolon; None without a semicolon.
-        where: the parameter, for messages.
+    ``text``: the part of the note after the semicolon; None without a semicolon.
     """
     if text is None:
         return None, False, 0.0

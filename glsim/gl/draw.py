@@ -26,9 +26,7 @@ class FullscreenPass:
     ) -> None:
         """Shade every pixel of the viewport once.
 
-        Args:
-            buffer, window: framebuffer and viewport; default: the current ones.
-            read: target for each sampler u_NAME.
+        ``read``: target for each sampler u_NAME.
         """
         if buffer is not None and window is not None:
             buffer.use()

@@ -53,9 +53,7 @@ def flatten(text: str, file: Path) -> list[Line]:
 
     Raises ShaderError: the text is too long, or an include cannot be read.
 
-    Args:
-        text: GLSL, which need not be on disk.
-        file: path for messages; includes are searched beside it.
+    ``text``: GLSL, which need not be on disk.
     """
     if len(text) > _MAX_BYTES:
         raise ShaderError(f"{file}: more than {_MAX_BYTES} characters")

@@ -24,8 +24,7 @@ def link(
     Raises ShaderError with the driver's message at file:line of the sources. Also raises it if the
     driver reports another type or default of a parameter than the declaration.
 
-    Args:
-        vertex: the vertex shader; default: a triangle that covers the viewport.
+    ``vertex``: the vertex shader; default: a triangle that covers the viewport.
     """
     vertex = vertex or load_source(SHADER_ROOT / "render" / "fullscreen.vert")
     outputs = {layer.name: number for number, layer in enumerate(fragment.writes)}

@@ -116,11 +116,7 @@ def load_source(file: Path) -> ShaderSource:
 
 
 def parse_source(text: str, file: Path) -> ShaderSource:
-    """Parse a GLSL text. Raises ShaderError with file and line.
-
-    Args:
-        file: path for messages; includes are searched beside it.
-    """
+    """Parse a GLSL text. Raises ShaderError with file and line."""
     flat = flatten(text, file)
     parameters: dict[str, Parameter] = {}
     reads, writes, bound = [], [], []

@@ -43,8 +43,7 @@ class TargetPool:
     def take(self, layer: Layer, window: Rect, *, clean: bool = True) -> Target:
         """Lend a target for ``layer`` that is zero outside ``window`` (frame pixels).
 
-        Args:
-            clean: False skips the clearing and keeps ``drawn``; the caller then clears the target.
+        ``clean``: False skips the clearing and keeps ``drawn``; the caller then clears the target.
         """
         free = self._free[(layer.components, float(layer.scale))]
         if free:

@@ -25,12 +25,10 @@ class NoisyDepth(gymnasium.ObservationWrapper):  # type: ignore[misc]  # it has 
         env: environment whose observation is a depth image, or a dictionary with one: (H, W) or (H,
             W, 1) float metres along the axis, 0 or infinity = no depth.
         sensor: see DepthNoise; its stages must accept tensors.
-        key: key of the depth image in the dictionary.
         camera: fx, fy, cx, cy of the image, pixels, with the first pixel's centre at 0.5.
         options: further options of DepthNoise.
 
-    Raises:
-        ConfigError: observations have no such image; also the errors of DepthNoise.
+    Raises ConfigError: observations have no such image; also the errors of DepthNoise.
     """
 
     def __init__(

@@ -52,8 +52,6 @@ class Light:
     """Infrared light of a set of frames, and depth noise as a function of infrared.
 
     Attributes:
-        temporal: noise law of static pairs.
-        spatial: noise law of the residuals of a quadric in single frames.
         brightness: (from m, to m, IR r^2 / cos of the brightest surfaces, counts m^2).
         overall: median of ``brightness`` over the distances.
         rings: (from px, to px, brightness relative to the brightness within 80 px).

@@ -45,8 +45,6 @@ class FixedPattern:
 
     Attributes:
         rows_mm: standard deviation of the rows, with the alternation.
-        columns_mm: standard deviation of the columns.
-        rest_mm: standard deviation of single pixels.
         alternation_mm: (BANDS,) half the step from even to odd rows, in bands from the top;
             positive if odd rows are farther.
         alternation_rms_mm: rms of half the step.

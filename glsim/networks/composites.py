@@ -1,8 +1,7 @@
 """Composites: depth maps made from a denoised depth and the probability that a pixel has depth.
 
 The default, "measured", keeps the sensor's mask without flying pixels, unlikely rims and small
-holes. Thresholding the probability ("hard") erodes silhouettes and fills shadows in real frames:
-docs/howto/denoise.md.
+holes. A threshold ("hard") erodes silhouettes and fills shadows of real frames (howto/denoise.md).
 """
 
 from __future__ import annotations

@@ -1,13 +1,8 @@
-"""Inputs of a network besides the depth of its frame: infrared, and neighbours in time.
+"""Inputs of a network besides the depth of its frame: neighbours in time.
 
-A network's input is one stack of images, (C, H, W) float32:
-
-    0                    depth of the frame, mm, 0 = no return
-    1, if infrared       infrared of the frame, counts, 0 = not measured
-    then ``before``      depth of earlier frames, the latest first
-    then ``after``       depth of later frames, the next one first
-
-Images that do not exist (the start of a sequence, a camera without infrared) are zeros.
+A network's input is one stack of depth maps, (C, H, W) float32 mm, 0 = no return: the frame, then
+``before`` earlier frames, the latest first, then ``after`` later frames, the next one first. Frames
+that do not exist (the start of a sequence) are zeros.
 """
 
 from __future__ import annotations
@@ -23,26 +18,25 @@ from glsim.core.array_types import Floats
 #: Largest number of neighbours on each side. Chosen: noise falls with the root of their number.
 MAX_NEIGHBOURS: Final = 4
 #: Names of the inputs of exported networks, in the order of the stack.
-DEPTH, INFRARED, BEFORE, AFTER = "noisy_mm", "infrared", "before_mm", "after_mm"
+DEPTH, BEFORE, AFTER = "noisy_mm", "before_mm", "after_mm"
 
 
 class NetworkInputs(NamedTuple):
-    """The inputs of a network besides the frame's depth: infrared, earlier and later frames."""
+    """The inputs of a network besides the frame's depth: numbers of earlier and later frames."""
 
-    infrared: bool = False
     before: int = 0
     after: int = 0
 
     @property
     def names(self) -> dict[str, int]:
         """The inputs in the order of the stack: name -> number of images."""
-        counts = {DEPTH: 1, INFRARED: int(self.infrared), BEFORE: self.before, AFTER: self.after}
+        counts = {DEPTH: 1, BEFORE: self.before, AFTER: self.after}
         return {name: count for name, count in counts.items() if count}
 
     @property
     def channels(self) -> int:
         """The number of images in the stack."""
-        return sum(self.names.values())
+        return 1 + self.before + self.after
 
     @property
     def temporal(self) -> bool:
@@ -68,24 +62,19 @@ def stack_inputs(
     depth_mm: NDArray[Any],
     before_mm: Sequence[NDArray[Any]] = (),
     after_mm: Sequence[NDArray[Any]] = (),
-    infrared: NDArray[Any] | None = None,
 ) -> Floats:
-    """Stack depth, infrared and neighbours in time of a frame as a network's input.
+    """Stack depth and neighbours in time of a frame as a network's input.
 
     Args:
         depth_mm: (H, W) depth of the frame, 0 = no return.
         before_mm: earlier frames, the latest first; surplus frames are ignored.
         after_mm: later frames, the next frame first; surplus frames are ignored.
-        infrared: (H, W) counts, or None.
 
-    Returns:
-        (C, H, W) float32.
+    Returns (C, H, W) float32.
     """
     stack = np.zeros((inputs.channels, *depth_mm.shape), np.float32)
     parts = inputs.named(stack)
     parts[DEPTH][0] = depth_mm
-    if inputs.infrared and infrared is not None:
-        parts[INFRARED][0] = infrared
     for name, given in ((BEFORE, before_mm), (AFTER, after_mm)):
         for place, neighbour in zip(parts.get(name, ()), given, strict=False):
             place[:] = neighbour

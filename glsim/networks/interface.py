@@ -26,7 +26,6 @@ class DepthFunction(ABC):
 
     Attributes:
         before, after: numbers of earlier and of later frames that it uses.
-        uncertain: whether it returns a standard deviation.
         protocol: depth protocol of its training; None if it accepts both.
         keep_clean: whether it returns frames without noise unchanged.
     """

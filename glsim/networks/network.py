@@ -42,7 +42,7 @@ class NetworkFunction(DepthFunction):
     """The denoising of frames of any size by a network.
 
     Attributes:
-        earlier: number of earlier frames that the network sees; frames and infrared may be missing.
+        earlier: number of earlier frames that the network sees; frames may be missing.
         average: where nothing moves, the network sees the mean of this number of past frames,
             including the denoised frame.
         protocol, keep_clean, margin_px, unlikely: see ``NetworkRecord``.
@@ -55,7 +55,7 @@ class NetworkFunction(DepthFunction):
         probability of depth is returned instead of a mask.
         """
         self._network, self._name, self._min_probability = network, name, min_probability
-        self.infrared, self.earlier, self.after = network.inputs
+        self.earlier, self.after = network.inputs
         self.before, self.average = self.earlier, 1
         self.uncertain = "sigma_mm" in network.outputs
         self.protocol, self.keep_clean, self.margin_px, self.unlikely = network.record
@@ -85,7 +85,7 @@ class NetworkFunction(DepthFunction):
             frames[now] = past_mean(past, max(_LEAST_MOTION_MM, motion_mm))
         frame, later = frames[now], frames[now + 1 :]
         earlier = frames[max(0, now - self.earlier) : now][::-1]
-        stack = stack_inputs(self._network.inputs, frame, [*earlier], [*later], infrared)
+        stack = stack_inputs(self._network.inputs, frame, [*earlier], [*later])
         outputs = self._run(stack)
         depth_mm, sigma_mm = outputs["depth_mm"], outputs.get("sigma_mm")
         if "probability" not in outputs:

@@ -24,7 +24,7 @@ from glsim.core.depth_protocol import check_protocol
 from glsim.core.errors import ConfigError, DenoiserError
 from glsim.core.files.regular import read_regular
 from glsim.networks.composites import DOUBT
-from glsim.networks.inputs import AFTER, BEFORE, DEPTH, INFRARED, NetworkInputs
+from glsim.networks.inputs import AFTER, BEFORE, DEPTH, NetworkInputs
 from glsim.networks.network import NetworkFunction, Runner
 from glsim.networks.record import DEFAULT_RECORD, NetworkRecord
 
@@ -187,9 +187,9 @@ def read_content(data: bytes) -> OnnxContent:
             _check_tensor(part)
         elif number == _INPUT:
             counts[_text(part, _NAME)] = _images(part)
-    if counts.get(DEPTH) != 1 or counts.keys() - {DEPTH, INFRARED, BEFORE, AFTER}:
+    if counts.get(DEPTH) != 1 or counts.keys() - {DEPTH, BEFORE, AFTER}:
         raise ValueError(f"has the inputs {', '.join(map(repr, counts)) or 'none'}")
-    inputs = NetworkInputs(INFRARED in counts, counts.get(BEFORE, 0), counts.get(AFTER, 0))
+    inputs = NetworkInputs(counts.get(BEFORE, 0), counts.get(AFTER, 0))
     entries = _messages(memoryview(data), _METADATA)
     return OnnxContent(inputs, _record({_text(entry, 1): _text(entry, 2) for entry in entries}))
 

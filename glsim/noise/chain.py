@@ -119,7 +119,10 @@ class StageLayers:
         Mappings are compared by value, stages and targets by identity.
         """
         known = self._stages.get(name)
-        if known is None or not all(map(_same, known[0], inputs)):
+        if known is None or not all(
+            one is two or (isinstance(one, Mapping) and one == two)
+            for one, two in zip(known[0], inputs, strict=True)
+        ):
             drawn = draw()
             self._unused += self._stages.pop(name, ((), {}))[1].values()
             known = self._stages[name] = inputs, drawn
@@ -155,10 +158,6 @@ class StageLayers:
         self._unused = []
 
 
-def _same(one: object, two: object) -> bool:
-    return one is two or (isinstance(one, Mapping) and one == two)
-
-
 class ShaderChain:
     """The shader stages of a sensor, linked for one OpenGL context.
 
@@ -167,8 +166,7 @@ class ShaderChain:
     Args:
         infrared, expected: whether to read these layers back.
         images: float32 images of a sensor that are the same in every frame, by layer.
-        linked: the linked stages of this GL context; a stage that another chain has linked is used
-            again.
+        linked: the linked stages of this GL context, used again by further chains.
     """
 
     def __init__(
@@ -243,11 +241,6 @@ class ShaderChain:
             wanted = {name: layers[name] for name in self._wanted if name in layers}
             readback.request(rendered.pool, wanted, frame.window)
 
-    @property
-    def has_light(self) -> bool:
-        """Whether any stage writes the layers LIGHT_LAYERS."""
-        return self._light_stages > 0
-
     @contextmanager
     def light(
         self, rendered: Rendered, frame: FrameContext, values: StageValues
@@ -255,11 +248,11 @@ class ShaderChain:
         """Draw a sub-frame up to the last stage that writes light, and yield its LIGHT_LAYERS."""
         owner = StageLayers()
         with owner.run(rendered, frame):
-            layers = self._draw(rendered, frame, values, owner, self._light_stages)
+            layers = self._draw(rendered, frame, values, owner, self.light_stages)
             yield {name: layers[name] for name in LIGHT_LAYERS}
 
     @property
-    def _light_stages(self) -> int:
+    def light_stages(self) -> int:
         """The number of stages up to the last one that writes light, inclusive."""
         writes = [{layer.name for layer in step.source.writes} for step in self._passes]
         return max((n for n, names in enumerate(writes, 1) if {*LIGHT_LAYERS} & names), default=0)
@@ -288,7 +281,7 @@ class ShaderChain:
         # without depth do not use them.
         blank = {*layers, *IMAGE_CONSTANTS}
         for number, step in enumerate(self._passes[:stages]):
-            if light and number == self._light_stages:
+            if light and number == self.light_stages:
                 layers |= light
             if not values[step.name][ENABLED]:
                 continue

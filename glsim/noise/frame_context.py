@@ -29,14 +29,10 @@ class FrameContext:
 
     Args:
         window: the part of the frame that the layers hold.
-        width, height: size of the frame, pixels.
         seed, sequence_seed, device_seed: 64-bit seeds; in a stage's ``view`` its own 32-bit seeds.
-        time_s: time since the start of the sequence.
         focal_baseline_px_m: focal length times baseline, pixels times metres; 0 without an emitter.
         emitter_m: start of the light's path (SensorRig.emitter_m).
-        modulation_mhz: the three modulation frequencies.
         supersample: samples per pixel and axis of the layer fine_seen; if 1, fine_seen is clean.
-        nearest_m: a lower bound of all depths in the scene.
         focal_px: horizontal focal length.
         emitters_m: the first two emitters; an emitter that the rig lacks lights nothing.
         imagers_m: the two imagers; for an imager that the rig lacks, its last one.

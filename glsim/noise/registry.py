@@ -1,8 +1,7 @@
 """Find noise stages by name: shipped stages, plug-ins, GLSL files, and Python functions.
 
 A sensor file that names a Python function decides what code runs on this machine. This code runs
-only when frames are made, with a warning that names it; ``describe_stage`` and ``is_code`` run no
-code.
+only when frames are made, with a warning that names it, not by ``describe_stage``.
 """
 
 from __future__ import annotations

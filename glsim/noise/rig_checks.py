@@ -22,15 +22,6 @@ _SHADOW_STAGES = ("shadow", "tof_shadow")
 _GRID_MHZ = Fraction(1, 1000)
 
 
-def unambiguous_m(modulation_mhz: Sequence[float]) -> float:
-    """Compute the distance, metres, after which the phases of all frequencies repeat together."""
-    return SPEED_OF_LIGHT / 2e6 / float(gcd(*_whole(modulation_mhz)) * _GRID_MHZ)
-
-
-def _whole(modulation_mhz: Sequence[float]) -> list[int]:
-    return [round(Fraction(mhz) / _GRID_MHZ) for mhz in modulation_mhz]
-
-
 def check_rig(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
     """Raise ConfigError if a stage needs light, emitters or imagers that the rig does not have."""
     for stage in stages:
@@ -57,12 +48,12 @@ def _check_frequencies(modulation_mhz: Sequence[float], far_m: float, where: str
     given = f"{where}: rig.modulation_mhz {[float(f) for f in modulation_mhz]}"
     if len(modulation_mhz) != 3 or min(modulation_mhz) < 1:
         raise ConfigError(f"{given}: give three frequencies above 1 MHz, e.g. [80, 16, 120]")
-    fast, slow, other = _whole(modulation_mhz)
+    fast, slow, other = whole = [round(Fraction(mhz) / _GRID_MHZ) for mhz in modulation_mhz]
     if fast % slow or fast == slow:
         raise ConfigError(
             f"{given}: cannot be unwrapped: the first must be a whole multiple of the second"
         )
-    reach = unambiguous_m(modulation_mhz)
+    reach = SPEED_OF_LIGHT / 2e6 / float(gcd(*whole) * _GRID_MHZ)  # then all phases repeat
     if reach < far_m:
         raise ConfigError(
             f"{given}: cannot be unwrapped: the phases repeat after {reach:.2f} m, "

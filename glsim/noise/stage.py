@@ -86,8 +86,7 @@ def array_stage(
     "log", "step 2".
 
     Args:
-        reach_px: distance, pixels, at which the function reads neighbours; crops are drawn with
-            this margin.
+        reach_px: distance, pixels, of the neighbours it reads: the margin of drawn crops.
         reads: layers that the function reads besides clean, depth, reason and infrared. A
             layer that the chain lacks is left out.
     """

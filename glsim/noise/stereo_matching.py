@@ -2,8 +2,7 @@
 
 The matcher is OpenCV's semi-global one (Hirschmueller, "Stereo Processing by Semiglobal Matching
 and Mutual Information", PAMI 30(2), 2008), in integers: the same bytes on every machine. Its
-windows and paths reach far: the depth of a crop differs a little from the same pixels of the whole
-frame.
+windows and paths reach far: the depth of a crop differs a little from that of the whole frame.
 
     infrared, infrared_right (or reference) --semi-global--> disparity, 1/16 px
     --smallest region, texture, left-right, border--> holes
@@ -236,8 +235,7 @@ def _smooth(white: Floats, grain_px: tuple[float, float], reach: int) -> Floats:
 #: A match whose disparity is wrong by more than this, px, has found another surface. Chosen: ten
 #: times the noise.
 _OTHER_SURFACE_PX = 1.0
-#: A surface is hidden if the view's depth there is smaller by this share. Chosen: a step of 1 px at
-#: most distances.
+#: A surface is hidden if the view's depth is smaller by this share. Chosen: mostly a step of 1 px.
 _HIDDEN_SHARE = 0.02
 
 

@@ -41,9 +41,7 @@ _Read = TypeVar("_Read")
 class SensorImage:
     """An image that a sensor file names, with its values and its file.
 
-    Args:
-        values: (H, W) float32, read-only: errors, mm, NaN = unknown; or brightness, 0 to 1.
-        file: the file of the image.
+    ``values``: (H, W) float32, read-only: errors, mm, NaN = unknown; or brightness, 0 to 1.
     """
 
     values: NDArray[np.float32]
@@ -116,8 +114,7 @@ def remove_fixed_pattern(
         depth_mm: (..., H, W) of any type; 0 or NaN = no depth, which stays.
         map_mm: (H, W) errors of the pixels, from ``glsim fit``; NaN leaves the depth unchanged.
 
-    Raises:
-        ConfigError: the shapes differ.
+    Raises ConfigError: the shapes differ.
     """
     check_shape(map_mm, depth_mm.shape[-2:], "remove_fixed_pattern")
     depth = np.asarray(depth_mm, np.float32)
@@ -136,10 +133,8 @@ def read_projector_image(
     Args:
         file: a grey PNG of 8 or 16 bits, SMALLEST_PX to LARGEST_PX on each side.
         view_deg: field of view of the image, degrees: horizontal, vertical.
-        focal_px: focal lengths of the camera.
 
-    Raises:
-        ConfigError: a missing file, another kind of image, or one too large or without light.
+    Raises ConfigError: a missing file, another kind of image, or one too large or without light.
     """
     import cv2
 

@@ -39,8 +39,7 @@ def tap_phase_sigma_rad(
         read_lsb2: variance of a tap without light, LSB^2.
         shot_lsb: growth of a tap's variance per LSB of light, LSB.
 
-    Returns:
-        (3, ...) phase noise of each frequency, rad.
+    Returns (3, ...) phase noise of each frequency, rad.
     """
     a = np.maximum(np.asarray(amplitude, np.float64), 1e-6)
     raw = np.stack([a / m for m in AMPLITUDE_MULTIPLIERS])

@@ -74,6 +74,10 @@ class _ColourTable(TomlTable, allow_inf_nan=False):
     position_m: tuple[_Metres, _Metres, _Metres]
     turn_deg: tuple[_Degrees, _Degrees, _Degrees] = (0.0, 0.0, 0.0)
 
+    def camera(self) -> ColourCamera:
+        image = Intrinsics(self.width, self.height, *self.focal_px, *self.centre_px)
+        return ColourCamera(image, self.position_m, self.turn_deg)
+
 
 def _check_limit(lens: Distortion) -> Distortion:
     if not 0 <= lens.limit_tan <= 10:
@@ -155,7 +159,7 @@ class RigTable(TomlTable, allow_inf_nan=False):
             self.border_px,
             Exposure(**self.exposure.model_dump()),
             self._projector_tan(),
-            None if self.colour is None else _colour_camera(self.colour),
+            None if self.colour is None else self.colour.camera(),
         )
 
     def _projector_tan(self) -> tuple[float, float]:
@@ -163,8 +167,3 @@ class RigTable(TomlTable, allow_inf_nan=False):
             return 0.0, 0.0
         across_deg, down_deg = self.projector_view_deg
         return half_tan(across_deg), half_tan(down_deg)
-
-
-def _colour_camera(table: _ColourTable) -> ColourCamera:
-    image = Intrinsics(table.width, table.height, *table.focal_px, *table.centre_px)
-    return ColourCamera(image, table.position_m, table.turn_deg)

@@ -84,7 +84,6 @@ class StageChange:
     """A change of a sensor's chain: new code for a stage of its file, or an additional stage.
 
     Args:
-        name: name of the stage in the chain.
         spec: code of the stage. Parameters in the file that ``spec`` does not declare are dropped.
         before: the stage after a new stage; None: the first stage on arrays, or the chain's end.
     """
@@ -99,9 +98,7 @@ class Sensor:
     """A depth camera: its rig and its chain of noise stages.
 
     Args:
-        file: the sensor's TOML file.
-        pattern_map: the device's fixed pattern for the stage ``fixed_pattern``; None: the stage
-            samples one.
+        pattern_map: the device's pattern for the stage ``fixed_pattern``; None: it samples one.
         projector_image: the emitters' image over ``projector_view_deg``, degrees (horizontal,
             vertical); None: the light stage draws dots.
         wiggling: the device's error for ``remove_wiggling``; the light stage does not read it.
@@ -205,9 +202,7 @@ def sensor_file(name: str) -> Path:
 def read_sensor_tree(file: Path, before: tuple[Path, ...] = ()) -> dict[str, Any]:
     """Read the tables of a sensor file, merged with the file that it extends. Raises ConfigError.
 
-    Args:
-        file: the TOML file.
-        before: the files that extend this file, to refuse a circle.
+    ``before``: the files that extend this file, to refuse a circle.
     """
     own = read_toml(file)
     base = own.pop(EXTENDS, None)
@@ -322,8 +317,7 @@ def load_sensor(
         changes: stages with other code than in the file, and new stages.
         daylight: the parameter ``daylight`` of the stage that has one.
 
-    Raises:
-        ConfigError: an unknown sensor, key, stage or parameter, or a value out of range.
+    Raises ConfigError: an unknown sensor, key, stage or parameter, or a value out of range.
     """
     file = sensor_file(name)
     tree = read_sensor_tree(file)

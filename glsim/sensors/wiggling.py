@@ -50,7 +50,6 @@ def wiggling_mm(
 
     Args:
         distance_m: half the length of the path emitter, surface, camera, metres.
-        waves: the device's harmonics.
         modulation_mhz: all frequencies of the device; the decoder takes the mean over them.
     """
     distance = np.asarray(distance_m, np.float64)
@@ -78,8 +77,6 @@ def remove_wiggling(
 
     Args:
         depth_mm: (H, W), 0 = no depth, which stays 0.
-        waves: the device's harmonics.
-        modulation_mhz: all frequencies of the device.
         rays: (H, W, 2) x/z and y/z of the same pixels.
         emitter_m: start of the light's path in the decoder (``SensorRig.emitter_m``).
     """

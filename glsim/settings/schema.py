@@ -367,8 +367,7 @@ def load_settings(
         preset: name of a shipped preset. If ``source`` is of another kind, only the numbers of
             subjects and frames are taken from the preset's [source].
 
-    Raises:
-        ConfigError: a file that cannot be read, an unknown key or an invalid value.
+    Raises ConfigError: a file that cannot be read, an unknown key or an invalid value.
     """
     tree: dict[str, Any] = read_toml(file) if file is not None else {}
     where = str(file) if file is not None else "settings"

@@ -116,9 +116,7 @@ def parse_table(
 ) -> _Model:
     """Build a ``model`` from nested dicts. Raises ConfigError with the first problem, in one line.
 
-    Args:
-        where: the file or other place of the settings, for messages.
-        places: path of a setting -> a more exact place, such as an option.
+    ``places``: path of a setting -> a more exact place, such as an option.
     """
     try:
         return model.model_validate(tree)

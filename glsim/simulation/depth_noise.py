@@ -19,13 +19,11 @@ from collections import OrderedDict
 from typing import Any, Final, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.core.array_types import Reals
 from glsim.core.camera import SensorRig
 from glsim.core.errors import ConfigError, require_package
 from glsim.core.seeds import stable_seed
-from glsim.core.units import from_steps, to_metres
 from glsim.faces.face_source import FaceKey
 from glsim.noise.array_chain import without_tensors
 from glsim.sensors.sensor import sensor_of
@@ -64,8 +62,7 @@ class DepthNoise:
         centre_px: principal point (x, y) of that camera; default: the sensor's for maps of its
             size, otherwise the centre of the map.
 
-    Raises:
-        ConfigError: an unknown sensor or backend, or a probability outside of 0 to 1.
+    Raises ConfigError: an unknown sensor or backend, or a probability outside of 0 to 1.
     """
 
     def __init__(
@@ -121,10 +118,8 @@ class DepthNoise:
             first_pixel: coordinate of the first pixel's centre in the convention of cx and cy: 0.5
                 if the image reaches from 0 to its width (cx = width / 2 is the middle), 0 as in
                 OpenCV and ROS.
-            options: further arguments of DepthNoise.
 
-        Raises:
-            ConfigError: the camera or an option is wrong.
+        Raises ConfigError: the camera or an option is wrong.
         """
         if first_pixel not in (0, 0.5):
             raise ConfigError(f"first_pixel {first_pixel}: is 0 (OpenCV, ROS) or 0.5")
@@ -180,8 +175,7 @@ class DepthNoise:
                 first pixel's centre at 0.5; normal, (B, H, W, 3) towards the camera; albedo,
                 (B, H, W).
 
-        Raises:
-            ConfigError: whole numbers, millimetres, or another shape or type.
+        Raises ConfigError: whole numbers, millimetres, or another shape or type.
         """
         shape, count = map_shape(depth_m, self._size)
         if seeds is None:
@@ -232,23 +226,6 @@ class DepthNoise:
             raise ConfigError(f"depth has the shape {depth_m.shape}, the camera {self._size}")
         backend = None if self._backend == "torch" else self._backend
         return self._frame(self._engine(shape, backend), depth_m, frame, sequence)
-
-    def corrupt(self, clean: NDArray[np.uint16], name: str = "") -> Frame:
-        """Add noise to depth (H, W) uint16 in steps of depth_unit_mm, 0 = none; return a Frame.
-
-        The noise is a function of the map's name and the seed. Raises ConfigError for other arrays.
-        """
-        if clean.dtype != np.uint16 or clean.ndim != 2:
-            raise ConfigError(
-                f"{name or 'the depth map'}: must be one channel of 16 bits, "
-                f"not {clean.shape} {clean.dtype}"
-            )
-        engine = self._engine((clean.shape[0], clean.shape[1]), self._backend)
-        seed = stable_seed("corrupt", self.settings.seed, name)
-        depth_m = to_metres(from_steps(clean, self.settings.output.depth_unit_mm))
-        key, seeds = FaceKey(name or "map", "main", 0), ScopeSeeds(seed, seed, seed)
-        made: Frame = engine.frame(depth_m, key, seeds)
-        return made
 
     def rig(self, shape: tuple[int, int] | None = None) -> SensorRig:
         """Return the sensor's rig for maps of shape (height, width); default: for_camera's."""

@@ -93,7 +93,6 @@ class Frame:
     ``infrared``, ``reason``, ``regions`` and ``expected`` paste it into the frame, (height, width)
     of ``intrinsics``.
 
-    key: subject, sequence and frame number.
     intrinsics: pinhole camera of the delivered frame, crop included.
     window: position of the arrays in the delivered frame; (h, w) below is its size.
     clean_m, noisy_m: (h, w) float32 metres along the optical axis, 0 = no surface or no return.

@@ -35,7 +35,7 @@ def exposure_parts(rig: SensorRig, chain: ShaderChain, sensor: str) -> tuple[Sub
             f"motion.within_exposure: the sensor {sensor!r} does not say when its frame is "
             "exposed: set rig.exposure.read_out_ms (rolling shutter), or take azure-kinect"
         )
-    if parts[0].capture is not None and not chain.has_light:
+    if parts[0].capture is not None and not chain.light_stages:
         raise ConfigError(
             f"rig.exposure.captures: the sensor {sensor!r} has no stage tof_light whose light "
             "captures could measure: leave captures out"

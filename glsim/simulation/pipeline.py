@@ -222,9 +222,7 @@ class Simulator:
 
         Raises ShaderError with file and line; ConfigError if the stage does not fit the chain.
 
-        Args:
-            code: the GLSL text, or the path of a file.
-            before: the stage before which a new one is inserted; default: after the last shader.
+        ``before``: the stage before which a new one is inserted; default: after the last shader.
         """
         known = {stage.name: stage for stage in self.sensor.stages}
         if isinstance(code, Path):

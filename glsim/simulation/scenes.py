@@ -38,7 +38,6 @@ class FrameScene:
     Attributes:
         meshes: each mesh with its (4, 4) matrix from canonical mm to camera m; the face is first.
         labels: for each mesh the (V,) region numbers of its vertices or None; or empty.
-        pose: the values of the pose, with motion.
         sampled: sampled values of the face, its clothes and the room, by their names.
         head_to_camera_m: (4, 4) from the head frame, metres, to the camera frame, metres.
         landmarks_m: (68, 3) camera-frame metres, or None.

@@ -102,11 +102,9 @@ class TensorEngine:
         """Return noisy depth in the form of the clean depth, and its layers, each (B, H, W).
 
         Args:
-            depth_m: the clean depth, as in a call of DepthNoise.
             device: device to compute on; default: the depth's.
             keys: the maps' 64-bit seeds, or None if ``given`` has seeds.
             p: probability that a map is changed, if ``given`` has seeds.
-            given: further inputs, see ``batch_inputs``.
         """
         array = not isinstance(depth_m, torch.Tensor)
         whole = torch.from_numpy(np.require(depth_m, None, ("C", "W"))) if array else depth_m

@@ -68,12 +68,10 @@ class VirtualCamera:
 
         Args:
             mesh: the mesh in the camera frame, mm.
-            frames: number of frames; default: the camera's.
             crop: side of the square around the image of ``at_mm``, px; None: the whole image.
             at_mm: centre of the crop, in the camera frame.
             changes: parameters of the sensor's stages.
             scene: name that, with the seed, decides the noise.
-            seed: seed of the device; default: the camera's.
             extra: layers of the stages to return as well.
             worn: further meshes, such as hair, in the camera frame, mm.
         """

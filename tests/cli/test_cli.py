@@ -106,6 +106,8 @@ def test_tables_list_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:
         (["stages"], "white Gaussian noise"),
         (["stages", "axial"], "noise/axial.glsl:"),
         (["info"], "osmesa"),
+        (["eval", "--list"], "median: Median over a square"),
+        (["train", "--list"], "paper-d7-small: DnCNN D7"),
     ):
         assert run(*command) == 0
         assert words in capsys.readouterr().out

@@ -201,13 +201,6 @@ def test_a_sigma_that_is_none_is_refused(maps: Path, shipped: Path) -> None:
     assert main([*command, "--uncertainty", "sigma.png"]) == 1
 
 
-def test_the_list(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["eval", "--list"]) == 0
-    listing = capsys.readouterr().out
-    assert "median: Median over a square" in listing
-    assert "size=5" in listing
-
-
 def test_scores_without_matplotlib_are_tables_and_say_so_first(
     here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

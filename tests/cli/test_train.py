@@ -80,13 +80,6 @@ def test_the_first_lines_come_before_the_first_validation(
     assert re.search(order, said), said
 
 
-def test_the_list(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["train", "--list"]) == 0
-    listing = capsys.readouterr().out
-    assert "paper-d7-small: DnCNN D7" in listing
-    assert "width 16 instead of 64" in listing
-
-
 def test_help_needs_no_pytorch() -> None:
     code = 'from glsim.cli import main; main(["train", "--list"]); main(["train", "--help"])'
     assert not loaded_after(code) & {"torch", "lightning_fabric"}

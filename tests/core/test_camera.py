@@ -65,10 +65,6 @@ def test_projecting_what_was_unprojected_gives_the_pixel_centres(
     np.testing.assert_allclose(points[..., 2], depth_m, rtol=1e-6)
 
 
-def test_no_depth_unprojects_to_the_origin() -> None:
-    assert not V2.unproject(np.zeros((V2.height, V2.width), np.float32)).any()
-
-
 @settings(max_examples=30)
 @given(cameras, st.tuples(st.floats(-2, 2), st.floats(-2, 2), st.floats(0.2, 9)))
 def test_clip_matrix_projects_as_the_camera_does(
@@ -156,10 +152,6 @@ def test_undistorted_delivery_ignores_the_lens() -> None:
     assert not device.keeps_distortion
     assert device.pinhole() == V2
     np.testing.assert_array_equal(device.rays(), V2.rays())
-
-
-def test_raw_delivery_without_a_lens_is_a_pinhole() -> None:
-    assert not rig(deliver="raw").keeps_distortion
 
 
 def test_baseline_is_that_of_the_first_emitter() -> None:

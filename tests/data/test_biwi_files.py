@@ -1,7 +1,5 @@
 """Depth files and calibrations of Biwi: round trips, damaged files, the real set."""
 
-from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +11,7 @@ from hypothesis import strategies as st
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import DatasetError
 from glsim.data.recordings.biwi import read_calibration, read_depth_bin
-from tests.support.face_sets import CALIBRATION, OTHERS, depth_bytes, needs_others, put
+from tests.support.face_sets import CALIBRATION, depth_bytes, put
 
 
 @quick(max_examples=60)
@@ -60,36 +58,3 @@ def test_calibration(tmp_path: Path) -> None:
         read_calibration(put(path, CALIBRATION.replace(b"640 ", b"")))
     with pytest.raises(DatasetError, match="no plain pinhole"):
         read_calibration(put(path, CALIBRATION.replace(b"0 0 0 0", b"1 0 0 0")))
-
-
-@pytest.mark.parametrize(
-    ("read", "whole"),
-    [
-        (read_depth_bin, depth_bytes(np.eye(20, 30, dtype=np.uint16) * 900)),
-        (read_calibration, CALIBRATION),
-    ],
-)
-@quick(max_examples=25, derandomize=True)
-@given(at=st.floats(0, 1), length=st.integers(0, 40), new=st.binary(max_size=12))
-@pytest.mark.long
-def test_damage_anywhere_does_no_harm(
-    tmp_path_factory: pytest.TempPathFactory,
-    read: Callable[[Path], object],
-    whole: bytes,
-    at: float,
-    length: int,
-    new: bytes,
-) -> None:
-    start = int(at * len(whole))
-    damaged = whole[:start] + new + whole[start + length :] * (length < 40)
-    with suppress(DatasetError):
-        read(put(tmp_path_factory.mktemp("damage") / "file", damaged))
-
-
-@needs_others
-def test_files_of_the_set() -> None:
-    folder = OTHERS / "hpdb" / "01"
-    depth = read_depth_bin(sorted(folder.glob("*_depth.bin"))[0])
-    assert depth.shape == (480, 640)
-    assert (depth > 0).any()
-    assert read_calibration(folder / "rgb.cal").fx == 517.679

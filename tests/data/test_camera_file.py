@@ -105,18 +105,6 @@ def test_mistakes_get_one_line(
     assert "\n" not in error
 
 
-def test_colour_pictures_beside_depth_are_left_out(tmp_path: Path) -> None:
-    root = _folder(tmp_path, "")
-    colour = np.zeros((48, 64, 3), np.uint8)
-    for name in ("rgb_000.png", "color_01.png", "color.png"):
-        cv2.imwrite(str(root / name), colour)
-    cv2.imwrite(str(root / "infrared_000.png"), np.full((48, 64), 77, np.uint8))
-    frames = open_maps(root).read()
-    assert [frame.name for frame in frames] == ["depth_000", "depth_001"]
-    assert frames[0].infrared[0, 0] == 77
-    assert frames[1].infrared is None
-
-
 @pytest.mark.parametrize("most", [1, 2, 3, 5, 9])
 def test_a_recording_is_thinned_to_any_number(tmp_path: Path, most: int) -> None:
     for count in (1, 3, 5, 11):

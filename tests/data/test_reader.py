@@ -22,7 +22,6 @@ from tests.support.dataset_fakes import (
     make_tasks,
     sign,
 )
-from tests.support.imports import loaded_after
 
 PNG = "test/s001/smile.1_00003_noisy.png"
 
@@ -223,7 +222,3 @@ def test_verify_finds_wrong_counts_and_strange_shards(tree: Path, shards: Path) 
     (shards / "train-000007.tar").touch()
     (shards / "val-000000.tar").unlink()
     assert verify(shards) == ["val-000000.tar is missing", "train-000007.tar is in no record"]
-
-
-def test_importing_loads_neither_opencv_nor_opengl() -> None:
-    assert not loaded_after("import glsim, glsim.data") & {"cv2", "moderngl"}

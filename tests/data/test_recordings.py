@@ -72,16 +72,6 @@ def test_import_finds_the_kind_of_a_path(tmp_path: Path) -> None:
     assert all((out / n).read_bytes() == (tmp_path / "named" / n).read_bytes() for n in names)
 
 
-def test_a_resumed_import_gives_the_same_bytes(tmp_path: Path) -> None:
-    root, out = _iai(tmp_path / "room"), tmp_path / "out"
-    assert _import(root, out) == 0
-    file = next(out.rglob("*_noisy.png"))
-    before = {path: path.read_bytes() for path in out.rglob("*.png")}
-    file.unlink()
-    assert _import(root, out) == 0
-    assert {path: path.read_bytes() for path in out.rglob("*.png")} == before
-
-
 def test_an_import_of_changed_recordings_is_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -145,28 +135,18 @@ def test_folders_of_tiff_files_with_infrared_in_a_folder_beside(tmp_path: Path) 
     np.testing.assert_array_equal(frame.infrared, LIGHT)
 
 
-@pytest.mark.parametrize("kind", ["iai_kinect2", "tiff", "npy", "metres", "dumps", "data set"])
-def test_every_format_gives_the_same_static_frames(tmp_path: Path, kind: str) -> None:
+@pytest.mark.parametrize("imported", [False, True])
+def test_static_frames_of_a_folder_and_of_its_data_set(tmp_path: Path, imported: bool) -> None:
     """What ``glsim fit`` reads: two frames of a plane that show one view."""
-    root, stack = tmp_path / "set", np.stack([DEPTH, noisy(plane(900.0, 0.2), 1.2, 2)])
-    if kind in ("npy", "metres"):
-        _stack(root, stack if kind == "npy" else stack / 1000.0)
+    root, stack = tmp_path / "iai", [DEPTH, noisy(plane(900.0, 0.2), 1.2, 2)]
     for number, depth in enumerate(stack):
-        if kind in ("iai_kinect2", "data set"):
-            write_atomic(encode_png(depth), tmp_path / f"{kind[:4]}/{number:04d}_depth.png")
-        elif kind == "dumps":
-            write_atomic(depth.astype("<f4").tobytes(), root / f"{number}.bin")
-        elif kind == "tiff":
-            root.mkdir(exist_ok=True)
-            cv2.imwrite(str(root / f"{number}.tif"), depth)
-    if kind == "iai_kinect2":
-        root = tmp_path / "iai_"
-    elif kind == "data set":
-        assert _import(tmp_path / "data", root) == 0
-    frames = open_maps(root).read_static()
+        write_atomic(encode_png(depth), root / f"{number:04d}_depth.png")
+    if imported:
+        assert _import(root, tmp_path / "set") == 0
+    frames = open_maps(tmp_path / "set" if imported else root).read_static()
     for frame, depth in zip(frames, stack, strict=True):
         np.testing.assert_allclose(frame.measured_mm, depth, atol=1e-3)
-    assert frames[0].step_mm == (0.0 if kind in ("metres", "dumps") else 1.0)
+    assert frames[0].step_mm == 1.0
 
 
 def test_a_folder_of_recordings_has_one_subject_each(tmp_path: Path) -> None:
@@ -241,12 +221,3 @@ def test_every_reader_copes_with_a_data_set_without_clean_maps(
     config.write_text('[source]\nkind = "kinect2"\nroot = "room"\n')
     assert main(["generate", "--config", str(config), "-o", str(tmp_path / "g"), "-q"]) == 2
     assert "glsim import kinect2" in capsys.readouterr().err
-
-
-def test_training_refuses_a_data_set_without_clean_maps(tmp_path: Path) -> None:
-    from glsim.train.data.checks import checked_split
-
-    out = tmp_path / "out"
-    assert _import(_iai(tmp_path / "room"), out, "--split", "1,0,0") == 0
-    with pytest.raises(DatasetError, match="has no layer 'clean'"):
-        checked_split(open_dataset(out), "train", None, "no")

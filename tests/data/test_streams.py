@@ -94,15 +94,6 @@ def test_a_ros_2_bag_is_a_folder(
             open_maps(tmp_path / "bag")
 
 
-def test_a_bag_becomes_a_data_set(tmp_path: Path) -> None:
-    write_bag(tmp_path / "a.bag", DEPTHS, [light.astype(np.uint16) for light in LIGHTS])
-    data = tmp_path / "data"
-    assert main(["import", "kinect2", str(tmp_path / "a.bag"), "-o", str(data), "-q"]) == 0
-    pairs = list(open_dataset(data))
-    np.testing.assert_array_equal(pairs[3].noisy_mm, DEPTHS[3])
-    assert pairs[0].record["path"] == "a.bag"
-
-
 @pytest.mark.parametrize("codec", ["rawvideo", pytest.param("ffv1", marks=pytest.mark.long)])
 def test_an_azure_kinect(tmp_path: Path, codec: str) -> None:
     file = tmp_path / "a.mkv"

@@ -105,10 +105,9 @@ def network(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFac
     return folder
 
 
-def sequence(height: int = 53, width: int = 67) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Four frames of a surface with a step and holes, and its infrared."""
-    stack = frames(4, height, width)[:, 0].numpy()
-    return stack, np.where(stack[1] > 0, 2e9 / np.maximum(stack[1], 1) ** 2, 0).astype(np.float32)
+def sequence(height: int = 53, width: int = 67) -> NDArray[Any]:
+    """Four frames of a surface with a step and holes."""
+    return frames(4, height, width)[:, 0].numpy()
 
 
 @pytest.mark.long
@@ -119,9 +118,9 @@ def test_both_runtimes_give_the_results_of_pytorch(network: Path) -> None:
     for runtime in RUNTIMES:
         exported = Denoiser("net", load_onnx(network / "net.onnx", runtime=runtime))
         for size in ((53, 67), (128, 144)):
-            stack, infrared = sequence(*size)
-            expected = by_torch.estimate(stack, 1, infrared)
-            found = exported.estimate(stack, 1, infrared)
+            stack = sequence(*size)
+            expected = by_torch.estimate(stack, 1)
+            found = exported.estimate(stack, 1)
             np.testing.assert_allclose(found.depth_mm, expected.depth_mm, atol=0.01, rtol=0)
             np.testing.assert_array_equal(found.valid > 0.5, expected.valid > 0.5)
             np.testing.assert_allclose(found.sigma_mm, expected.sigma_mm, rtol=1e-3)
@@ -131,21 +130,19 @@ def test_both_runtimes_give_the_results_of_pytorch(network: Path) -> None:
 def test_every_input_has_an_effect_and_may_be_missing(network: Path) -> None:
     denoiser = load_denoiser(str(network / "net.onnx"))
     inputs = NetworkInputs(**INPUTS[network.name])
-    assert (denoiser.before, denoiser.after, denoiser.infrared) == (*inputs[1:], inputs.infrared)
-    stack, infrared = sequence()
-    whole = denoiser.estimate(stack, 1, infrared).depth_mm
-    without_light = denoiser.estimate(stack, 1).depth_mm
-    assert np.array_equal(whole, without_light) == (not inputs.infrared)
-    alone = denoiser.estimate(stack[1:2], 0, infrared).depth_mm
+    assert (denoiser.before, denoiser.after) == inputs
+    stack = sequence()
+    whole = denoiser.estimate(stack, 1).depth_mm
+    alone = denoiser.estimate(stack[1:2], 0).depth_mm
     assert np.array_equal(whole, alone) == (not inputs.temporal)
     gap = np.stack([0 * stack[0], stack[1], 0 * stack[2]])  # a frame without depth is as none
-    np.testing.assert_array_equal(denoiser.estimate(gap, 1, infrared).depth_mm, alone)
+    np.testing.assert_array_equal(denoiser.estimate(gap, 1).depth_mm, alone)
 
 
 def test_a_stream_gives_a_network_its_earlier_frames(tmp_path: Path) -> None:
     path = write_checkpoint(tmp_path / "best.pt", inputs="video")
     denoise = glsim.load_denoiser(str(path), composite="hard")
-    stack, _ = sequence()
+    stack = sequence()
     pushed = [denoise.push(frame).depth_mm for frame in stack]
     np.testing.assert_array_equal(pushed[3], denoise.estimate(stack, 3).composite("hard"))
     assert not np.array_equal(pushed[3], denoise(stack[3]).depth_mm)
@@ -153,11 +150,22 @@ def test_a_stream_gives_a_network_its_earlier_frames(tmp_path: Path) -> None:
     assert (limited.before, denoise.before) == (1, 4)
 
 
+#: A user's function of infrared and of neighbours in time.
+LIT = """
+def lit(noisy_mm, valid, now, infrared):
+    offset_mm = infrared / 1000 + noisy_mm[max(0, now - 2) : now + 2].mean(axis=0) / 100
+    return noisy_mm[now] + offset_mm, valid[now], offset_mm
+lit.infrared = lit.uncertain = True
+lit.before, lit.after = 2, 1
+"""
+
+
 def test_the_command_finds_infrared_and_earlier_frames(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    write_checkpoint(Path("all.pt"), inputs="all")
-    stack, infrared = sequence()
+    Path("mine.py").write_text(LIT)
+    stack = sequence()
+    infrared = np.where(stack[1] > 0, 2e9 / np.maximum(stack[1], 1) ** 2, 0)
     for folder in ("maps", "light"):
         Path(folder).mkdir()
     for number, frame in enumerate(stack):
@@ -165,14 +173,14 @@ def test_the_command_finds_infrared_and_earlier_frames(
         for name in (f"maps/f{number}_infrared.png", f"light/f{number}_noisy.png"):
             Path(name).write_bytes(encode_png(infrared.astype(np.uint16)))
     whole = ["-q", "--out-unit-mm", "1"]
-    assert main(["denoise", "maps", "-o", "beside", "-d", "all.pt", *whole]) == 0
+    assert main(["denoise", "maps", "-o", "beside", "-d", "mine.py:lit", *whole]) == 0
     given = ["-o", "given", "--uncertainty", "sigma", "--infrared", "light"]
-    assert main(["denoise", "maps", *given, "-d", "all.pt", *whole]) == 0
+    assert main(["denoise", "maps", *given, "-d", "mine.py:lit", *whole]) == 0
     beside, there, sigma = (
         read_image(Path(folder) / "f1_noisy.png") for folder in ("beside", "given", "sigma")
     )
     np.testing.assert_array_equal(beside, there)
-    found = load_denoiser("all.pt").estimate(np.floor(stack), 1, np.floor(infrared))
+    found = load_denoiser("mine.py:lit").estimate(np.floor(stack), 1, np.floor(infrared))
     kept = beside > 0
     assert kept.mean() > 0.5
     assert np.abs(beside[kept].astype(float) - found.depth_mm[kept]).max() <= 0.51
@@ -180,28 +188,29 @@ def test_the_command_finds_infrared_and_earlier_frames(
     assert not sigma[~kept].any()
     Path("maps/f2_infrared.png").unlink()
     capsys.readouterr()
-    assert main(["denoise", "maps", "-o", "no", "-d", "all.pt"]) == 2
+    assert main(["denoise", "maps", "-o", "no", "-d", "mine.py:lit"]) == 2
     assert "has no infrared image" in capsys.readouterr().err.replace("\n", " ")
     assert main(["denoise", "maps", "-o", "no", "-d", "median", "--infrared", "light"]) == 2
     assert "median does not use infrared" in capsys.readouterr().err.replace("\n", " ")
 
 
-def test_eval_gives_networks_their_infrared_and_neighbours(tmp_path: Path) -> None:
+def test_eval_gives_a_function_its_infrared_and_neighbours(tmp_path: Path) -> None:
     make(tmp_path / "data", make_settings(layers=("clean", "noisy", "infrared")), make_tasks(4, 5))
-    spec = f"net@{write_checkpoint(tmp_path / 'all.pt', inputs='all')}"
+    (tmp_path / "mine.py").write_text(LIT)
+    spec = f"mine@{tmp_path / 'mine.py'}:lit"
     job = ScoringJob(tmp_path / "data", "test", (spec,))
     (result,) = job.run(iter([FrameBlock(0, 0, 5)]))
     assert not result.bad
-    found = [row["both_rmse_mm"] for row in result.rows if row["method"] == "net [hard]"]
+    found = [row["both_rmse_mm"] for row in result.rows if row["method"] == "mine"]
     pairs = open_dataset(tmp_path / "data").split("test")
     stack = np.stack([pair.noisy_mm for pair in pairs])
     denoiser = load_denoiser(spec)
     for number, rmse_mm in enumerate(found):
         first = max(0, number - 2)
         part = stack[first : number + 2]
-        hard = denoiser.estimate(part, number - first, pairs[number].infrared).composite("hard")
-        both = (hard > 0) & (pairs[number].clean_mm > 0)
-        wanted = np.sqrt(np.mean((hard - pairs[number].clean_mm)[both].astype(float) ** 2))
+        found_mm = denoiser.estimate(part, number - first, pairs[number].infrared).composite("")
+        both = (found_mm > 0) & (pairs[number].clean_mm > 0)
+        wanted = np.sqrt(np.mean((found_mm - pairs[number].clean_mm)[both].astype(float) ** 2))
         assert rmse_mm == pytest.approx(wanted, rel=1e-4)
 
 

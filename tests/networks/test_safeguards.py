@@ -94,13 +94,8 @@ def test_clean_maps_are_not_dithered(distance_mm: int, worn: str) -> None:
     """Whole images; folds of cloth are the hardest (seed 12 has the most of 90 maps)."""
     scene = {"wall_mm": distance_mm + 600} if worn == "wall" else {}
     wear = {"wear": "always", "glasses": 1.0, "cloth": 1.0} if worn == "dressed" else {}
-    overrides = {
-        "sensor": "ideal",
-        "seed": 12,
-        "pose": {"distance_mm": distance_mm, "yaw_deg": 20},
-        "scene": scene,
-        "appearance": wear,
-    }
+    pose = {"distance_mm": distance_mm, "yaw_deg": 20}
+    overrides = {"sensor": "ideal", "seed": 12, "pose": pose, "scene": scene, "appearance": wear}
     source = {"kind": "procedural", "subjects": 2, "frames_per_subject": 1}
     for frame in simulate(load_settings(overrides=overrides, source=source)):
         depth = 1000 * frame.clean_m

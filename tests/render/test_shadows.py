@@ -51,12 +51,6 @@ def test_the_shadow_has_steps_where_each_point_of_the_emitter_goes(
         assert len(levels) >= 1, "there is a penumbra"
 
 
-def test_a_point_makes_a_hard_shadow(context: Context) -> None:
-    row, marched = lit_row(context, 0.0, 1.5)
-    assert ((row > 0.05) & (row < 0.95)).sum() <= 1, "only the pixel that the edge crosses"
-    assert set(np.unique(marched)) == {0.0, 1.0}
-
-
 def test_ends_lie_along_the_baseline() -> None:
     along_y = Emitter((0.0, 0.05, 0.0), 0.01)
     assert along_y.end_m == pytest.approx((0.0, 0.01))

@@ -74,14 +74,14 @@ def test_the_map_is_the_pattern_of_every_frame_and_crop(context: Context, tmp_pa
 def test_shader_and_twin_add_the_same_map(context: Context, tmp_path: Path) -> None:
     file = sensor_file(tmp_path, a_map())
     settings = load_settings(overrides={"sensor": file, "output": {"depth_unit_mm": 0.1}})
-    flat = np.full(SHAPE, 9000, np.uint16)
+    flat = np.full(SHAPE, 0.9, np.float32)
     noisy = []
     for backend in (None, "numpy"):
         with DepthNoise(settings, backend=backend) as corrupter:
-            noisy.append(1000.0 * corrupter.corrupt(flat, "wall").noisy_m)
+            noisy.append(1000.0 * corrupter.corrupt_depth(flat).noisy_m)
     assert np.abs(noisy[0] - noisy[1]).max() < 1e-3
     with pytest.raises(ConfigError, match=r"own.npy: the map of the fixed pattern is 512x424, the"):
-        DepthNoise(settings, backend="numpy").corrupt(flat[:100, :100], "wall")
+        DepthNoise(settings, backend="numpy").corrupt_depth(flat[:100, :100])
 
 
 def test_the_header_of_a_data_set_names_the_map_by_its_values(tmp_path: Path) -> None:

@@ -6,10 +6,8 @@ from typing import Any
 import pytest
 
 from glsim.core.errors import ConfigError
-from glsim.settings.distribution import constant
 from glsim.settings.presets import preset_names, preset_title
-from glsim.settings.schema import Settings, load_settings, parse_assignment
-from glsim.settings.source_settings import parse_source
+from glsim.settings.schema import load_settings, parse_assignment
 
 FILE = """
 sensor = "kinect-v1"
@@ -36,18 +34,6 @@ def file(tmp_path: Path) -> Path:
     path = tmp_path / "mine.toml"
     path.write_text(FILE)
     return path
-
-
-def test_defaults() -> None:
-    settings = load_settings()
-    assert settings == Settings(
-        sensor="kinect-v2", source=(parse_source({"subjects": 10, "frames_per_subject": 30}),)
-    )
-    assert settings.split == (0.70, 0.12, 0.18)
-    assert (settings.seed, settings.devices, settings.strict) == (0, 1, False)
-    assert settings.pose.distance_mm == constant(900)
-    assert settings.output.layers == ("clean", "noisy")
-    assert settings.output.depth_unit_mm == 1.0
 
 
 def test_a_file_is_read_whole(file: Path) -> None:
@@ -125,28 +111,16 @@ def test_an_assignment_without_name_or_value_is_refused(text: str) -> None:
         ("seed=-1", "seed: .*greater than or equal to 0 .got -1"),
         ("seed=9223372036854775808", "seed: .*less than"),
         ("seed=1.5", "seed: .*integer.*got 1.5"),
-        ("devices=0", "devices: .*greater than or equal to 1 .got 0"),
         ("split=0.5,0.5", r"split: give 3 shares \(train, val, test\) .got '0.5,0.5'"),
         ("split=[0.5, 0.5, 0.5]", r"split \[0.5, 0.5, 0.5\]: the shares must be >= 0 and add up"),
-        ("split=[1.5, -0.5, 0]", "the shares must be >= 0 and add up to 1"),
         ("split=[inf, 0, 0]", "the shares must be >= 0 and add up to 1"),
         ("split=a,b,c", "split.0: .*number.*got 'a'"),
         ("source=[]", "source: at least one is needed"),
-        (
-            "source.kind=clay",
-            "source.0.kind: 'clay' is not one of biwi, board, d3dfacs, facewarehouse, f",
-        ),
-        ("source.subjects=0", "source.0.subjects: .*greater than or equal to 1"),
         ("scene.wall_albedo=1.5", "scene.wall_albedo: .*less than or equal to 1"),
         ("output.format=gif", "output.format: 'gif' is not one of png, webdataset"),
         ("output.crop=7", "output.crop: .*greater than or equal to 8"),
         ("output.depth_unit_mm=0", "output.depth_unit_mm: .*greater than or equal to 0.01"),
-        ("output.clean_mask=none", "output.clean_mask: 'none' is not one of dense, as-noisy"),
-        ("output.nearest_to_mm=0", "output.nearest_to_mm: .*greater than or equal to 1"),
-        (
-            "output.layers=[]",
-            "output: layers must be one or more of clean, noisy, infrared, infrared_right, reas",
-        ),
+        ("output.layers=[]", "output: layers must be one or more of clean, noisy, infrared, infra"),
         ('output.layers=["clean", "clean"]', "output: layers must be one or more of .*, once"),
         ('output.layers=["depth"]', "output.layers.0: 'depth' is not one of clean, noisy, infrare"),
         ("pose.yaw_deg=far", "pose.yaw_deg: .*got 'far'"),
@@ -218,8 +192,3 @@ def test_counts_hold_for_sources_of_every_kind(tmp_path: Path) -> None:
     several = [{"kind": "procedural"}, {"kind": "people", "framing": "bust"}]
     both = load_settings(None, [], {"source": several}, None, "randomised")
     assert [source.subjects for source in both.source] == [10, 10]
-
-
-def test_an_unknown_preset_names_the_nearest() -> None:
-    with pytest.raises(ConfigError, match=r"no such preset 'ofice' \(did you mean 'office'\?\)"):
-        load_settings(preset="ofice")

@@ -13,6 +13,7 @@ from glsim.core import depth_map
 from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png, stated_unit_mm
 from glsim.core.reason import Reason
+from glsim.core.units import from_steps, to_metres
 from glsim.settings.schema import load_settings
 from glsim.simulation.depth_noise import DepthNoise
 from glsim.simulation.frame import Frame
@@ -42,7 +43,7 @@ def corrupted(
 ) -> Frame:
     settings = load_settings(overrides={"sensor": sensor} | overrides)
     with DepthNoise(settings, backend=backend) as noise:
-        return noise.corrupt(clean, name)
+        return noise.corrupt_depth(to_metres(from_steps(clean)), sequence=name)
 
 
 @pytest.mark.parametrize("sensor", SENSORS)
@@ -68,9 +69,9 @@ def test_both_backends_agree(context: Context, sensor: str) -> None:
 def test_name_and_seed_decide_the_noise(clean: NDArray[np.uint16], backend: str | None) -> None:
     settings = load_settings()
     with DepthNoise(settings, backend=backend) as corrupter:
-        first = corrupter.corrupt(clean, "a").noisy
-        other = corrupter.corrupt(clean, "b").noisy
-        again = corrupter.corrupt(clean, "a").noisy
+        first = corrupter.corrupt_depth(to_metres(from_steps(clean)), sequence="a").noisy
+        other = corrupter.corrupt_depth(to_metres(from_steps(clean)), sequence="b").noisy
+        again = corrupter.corrupt_depth(to_metres(from_steps(clean)), sequence="a").noisy
     np.testing.assert_array_equal(first, again)
     assert (first != other).mean() > 0.3
     fresh = corrupted("kinect-v2", clean, "a", backend)
@@ -84,8 +85,9 @@ def test_several_may_be_used_in_turn(clean: NDArray[np.uint16]) -> None:
     alone = [zlib.crc32(corrupted("kinect-v2", map_).noisy.data) for map_ in (clean, small)]
     with DepthNoise(settings) as one, DepthNoise(settings) as other:
         for _ in range(2):
-            assert zlib.crc32(one.corrupt(clean, "a").noisy.data) == alone[0]
-            assert zlib.crc32(other.corrupt(small, "a").noisy.data) == alone[1]
+            for noise, map_, wanted in ((one, clean, alone[0]), (other, small, alone[1])):
+                frame = noise.corrupt_depth(to_metres(from_steps(map_)), sequence="a")
+                assert zlib.crc32(frame.noisy.data) == wanted
 
 
 @pytest.mark.parametrize("backend", [None, "numpy"])
@@ -99,18 +101,6 @@ def test_nothing_stays_nothing(sensor: str, backend: str | None) -> None:
     assert (frame.reason == Reason.NO_SURFACE).all()
     lone[20, 20] = 900
     assert corrupted(sensor, lone, backend=backend).clean[20, 20] == 900
-
-
-@pytest.mark.parametrize(
-    ("array", "message"),
-    [
-        (np.zeros((40, 40), np.float32), r"a: must be one channel of 16 bits, not .* float32"),
-        (np.zeros((40, 40, 3), np.uint16), r"a: must be one channel of 16 bits, not \(40, 40, 3"),
-    ],
-)
-def test_what_is_no_depth_map_is_named(array: np.ndarray, message: str) -> None:
-    with DepthNoise(backend="numpy") as corrupter, pytest.raises(ConfigError, match=message):
-        corrupter.corrupt(array, "a")
 
 
 def test_a_shader_of_the_users_own_needs_opengl(

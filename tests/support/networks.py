@@ -28,9 +28,8 @@ WRAPPERS: dict[str, dict[str, Any]] = {
 #: Images besides the frame that ``mask_aware`` networks take.
 INPUTS: dict[str, dict[str, Any]] = {
     "frame": {},
-    "infrared": {"infrared": True},
     "video": {"before": 4},
-    "all": {"infrared": True, "before": 2, "after": 1},
+    "both": {"before": 2, "after": 1},
 }
 
 

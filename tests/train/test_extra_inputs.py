@@ -1,4 +1,4 @@
-"""Infrared and neighbours in time: their stack, features, data, and the start from `face`."""
+"""Neighbours in time: their stack, features, data, and the start from `face`."""
 
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from tests.support.networks import BACKBONES, build, frames
 from tests.support.train_fakes import Domes, batch_source, recipe
 
 FACE = {"kind": "mask_aware", "uncertainty": True, "surfaces": True}
-ALL: dict[str, Any] = {"infrared": True, "before": 2, "after": 1}
+ALL: dict[str, Any] = {"before": 2, "after": 1}
 
 
 def network(**inputs: Any) -> DepthModel:
@@ -34,23 +34,19 @@ def network(**inputs: Any) -> DepthModel:
 
 
 def stack_of(depth_mm: Tensor) -> Tensor:
-    """Depth with infrared and three neighbours, as ALL asks for."""
-    return torch.cat([depth_mm, 500 + depth_mm, depth_mm + 1, depth_mm - 2, depth_mm + 3], 1)
+    """Depth with three neighbours, as ALL asks for."""
+    return torch.cat([depth_mm, depth_mm + 1, depth_mm - 2, depth_mm + 3], 1)
 
 
 def test_the_stack_has_the_nearest_neighbours_first_and_zeros_for_what_is_missing() -> None:
-    inputs = NetworkInputs(infrared=True, before=2, after=1)
-    images = [np.full((3, 4), value, np.float32) for value in (900, 40, 899, 898, 897)]
-    stack = stack_inputs(inputs, images[0], images[2:], (), images[1])
-    assert stack[:, 0, 0].tolist() == [900, 40, 899, 898, 0]
+    inputs = NetworkInputs(before=2, after=1)
+    images = [np.full((3, 4), value, np.float32) for value in (900, 899, 898, 897)]
+    stack = stack_inputs(inputs, images[0], images[1:])
+    assert stack[:, 0, 0].tolist() == [900, 899, 898, 0]
     named = inputs.named(stack)
     assert {name: len(part) for name, part in named.items()} == inputs.names
     assert named["before_mm"][:, 0, 0].tolist() == [899, 898]
-    assert stack_inputs(NetworkInputs(), images[0], images[1:], images[1:], images[1]).shape == (
-        1,
-        3,
-        4,
-    )
+    assert stack_inputs(NetworkInputs(), images[0], images[1:], images[1:]).shape == (1, 3, 4)
     assert inputs_of(FACE | ALL | {"backbone": BACKBONES["dncnn"]}) == inputs
     with pytest.raises(ConfigError, match=r"model.before = 5"):
         network(before=5)
@@ -78,18 +74,14 @@ def test_a_neighbour_on_another_surface_adds_what_a_missing_one_adds() -> None:
 def test_before_training_a_network_with_further_inputs_equals_the_one_it_starts_from() -> None:
     torch.manual_seed(2)
     face = build("surfaces", "small_unet").eval()
-    for inputs in ({"infrared": True}, {"before": 4}, ALL):
+    for inputs in ({"before": 4}, ALL):
         started = network(**inputs).eval()
         copy_weights(face.state_dict(), started, "best.pt")
         depth_mm = frames()
         count = started.inputs.channels - 1
         stack = torch.cat([depth_mm, stack_of(depth_mm)[:, 1:].repeat(1, 2, 1, 1)[:, :count]], 1)
-        neighbours_mm = stack[:, 1 + started.inputs.infrared :]
-        if neighbours_mm.shape[1]:
-            mean_mm = depth_mm + mean_over_time(neighbours_mm, depth_mm).offset_mm
-            assert not torch.equal(mean_mm, depth_mm)
-        else:
-            mean_mm = depth_mm
+        mean_mm = depth_mm + mean_over_time(stack[:, 1:], depth_mm).offset_mm
+        assert not torch.equal(mean_mm, depth_mm)
         for part, wanted in zip(started(stack), face(mean_mm), strict=True):
             torch.testing.assert_close(part, wanted, rtol=0, atol=0)
     narrow = build_model(FACE | {"backbone": BACKBONES["small_unet"] | {"width": 4}})
@@ -111,40 +103,35 @@ def test_neighbours_are_of_the_same_sequence_and_not_too_far_in_time() -> None:
     assert neighbours.of(6) == ([], [])
 
 
-def test_training_sees_every_number_of_neighbours_and_every_gain() -> None:
-    inputs = NetworkInputs(infrared=True, before=4)
-    stack = stack_inputs(inputs, np.ones((2, 2)), [np.full((2, 2), 9.0 - n) for n in range(4)], (),
-                         np.full((2, 2), 100.0))  # fmt: skip
+def test_training_sees_every_number_of_neighbours() -> None:
+    inputs = NetworkInputs(before=4)
+    stack = stack_inputs(inputs, np.ones((2, 2)), [np.full((2, 2), 9.0 - n) for n in range(4)])
     drawn = [vary_inputs(stack, inputs, np.random.default_rng(n)) for n in range(300)]
-    counts = np.bincount([np.count_nonzero(one[2:, 0, 0]) for one in drawn])
+    counts = np.bincount([np.count_nonzero(one[1:, 0, 0]) for one in drawn])
     assert len(counts) == 5
     assert counts.min() > 30
     for one in drawn:
-        order = one[2:, 0, 0][one[2:, 0, 0] > 0]
+        order = one[1:, 0, 0][one[1:, 0, 0] > 0]
         assert (np.diff(order) < 0).all()  # the nearest first
-        assert not one[2 + len(order) :].any()
-    light = np.array([one[1, 0, 0] for one in drawn])
-    assert 10 < np.count_nonzero(light == 0) < 60
-    assert light[light > 0].min() < 35
-    assert light.max() > 300
+        assert not one[1 + len(order) :].any()
     assert {one[0, 0, 0] for one in drawn} == {1.0}
 
 
 @pytest.fixture(scope="module")
 def videos(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out: Path = tmp_path_factory.mktemp("data") / "videos"
-    make(out, make_settings(layers=("clean", "noisy", "infrared")), make_tasks(4, 6))
+    make(out, make_settings(layers=("clean", "noisy")), make_tasks(4, 6))
     return out
 
 
 @pytest.mark.parametrize("cache_mb", [0, 1000])
-def test_stored_pairs_have_their_infrared_and_neighbours(videos: Path, cache_mb: float) -> None:
-    inputs = NetworkInputs(infrared=True, before=2, after=1)
+def test_stored_pairs_have_their_neighbours(videos: Path, cache_mb: float) -> None:
+    inputs = NetworkInputs(before=2, after=1)
     pairs = StoredPairs(videos, "train", inputs=inputs, cache_mb=cache_mb)
     stored = open_dataset(videos).split("train")
     for number, earlier, later in ((0, [], [1]), (4, [3, 2], [5]), (6, [], [7]), (11, [10, 9], [])):
         noisy, clean_mm = (part.numpy() for part in pairs[number])
-        expected = [stored[number].noisy_mm, stored[number].infrared]
+        expected = [stored[number].noisy_mm]
         for side, length in ((earlier, 2), (later, 1)):
             expected += [stored[n].noisy_mm for n in side]
             expected += [0 * stored[number].noisy_mm] * (length - len(side))
@@ -153,7 +140,7 @@ def test_stored_pairs_have_their_infrared_and_neighbours(videos: Path, cache_mb:
 
 
 def test_augmentation_applies_to_all_inputs_alike(videos: Path) -> None:
-    inputs = NetworkInputs(infrared=True, before=2)
+    inputs = NetworkInputs(before=2)
     plain = StoredPairs(videos, "train", inputs=inputs)
     bumpy = StoredPairs(
         videos, "train", inputs=inputs, augmentation=Augmentation(True, 5.0), seed=1
@@ -161,13 +148,12 @@ def test_augmentation_applies_to_all_inputs_alike(videos: Path) -> None:
     mirrored = raised = 0
     for number in range(2, 12):
         (stack, clean_mm), (changed, raised_mm) = plain[number], bumpy[number]
-        if not torch.equal(changed[1], stack[1]):
+        if not torch.equal(changed[0] > 0, stack[0] > 0):
             mirrored += 1
             stack, clean_mm = stack.flip(-1), clean_mm.flip(-1)
-        torch.testing.assert_close(changed[1], stack[1])  # infrared has no bumps
         bumps_mm = raised_mm - clean_mm
         raised += bool(bumps_mm.any())
-        for image, original in zip(changed[[0, 2, 3]], stack[[0, 2, 3]], strict=True):
+        for image, original in zip(changed, stack, strict=True):
             both = (original > 0) & (clean_mm[0] > 0)
             torch.testing.assert_close(
                 (image - original)[both], bumps_mm[0][both], atol=1e-3, rtol=0
@@ -215,15 +201,14 @@ def test_simulated_pairs_have_neighbours_of_their_run() -> None:
             "output": {"crop": 32, "depth_unit_mm": 0.1},
         }
     )  # fmt: skip
-    inputs = NetworkInputs(infrared=True, before=4)
+    inputs = NetworkInputs(before=4)
     batches = list(SimulatedPairs(settings, batch=4, inputs=inputs, length=4))
     stacks = torch.cat([noisy for noisy, _ in batches])
-    assert stacks.shape[1:] == (6, 32, 32)
-    assert float(stacks[:, 1].max()) > 100
-    counts = (stacks[:, 2:].flatten(2) > 0).any(-1).sum(1)
+    assert stacks.shape[1:] == (5, 32, 32)
+    counts = (stacks[:, 1:].flatten(2) > 0).any(-1).sum(1)
     assert len(counts.unique()) > 2
     for stack, count in zip(stacks, counts, strict=True):
-        for neighbour in stack[2 : 2 + int(count)]:
+        for neighbour in stack[1 : 1 + int(count)]:
             both = (stack[0] > 0) & (neighbour > 0)
             difference_mm = (stack[0] - neighbour)[both]
             assert 0 < float(difference_mm.abs().median()) < 12  # another frame of the same face

@@ -11,7 +11,6 @@ from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import read_json
 from glsim.data.reader import open_dataset
 from glsim.denoise.registry import load_denoiser
-from glsim.networks.inputs import NetworkInputs
 from glsim.train import StoredPairs, stored_batches
 from glsim.train.data.checks import moved_pair
 from tests.support.moved_sets import write_domes
@@ -44,17 +43,23 @@ def test_pairs_have_the_nearest_point_at_1_mm(sets: dict[str, Path], stored: str
     assert as_measured[as_measured > 0].min() > 900
 
 
-def test_neighbours_move_with_the_frame_and_infrared_stays() -> None:
-    depth = np.full((4, 2, 2), 900, np.float32) + np.arange(4, dtype=np.float32)[:, None, None]
-    depth[1] = 5000  # infrared, counts
-    depth[2, 0, 0] = 0
-    moved = moved_pair(depth, NetworkInputs(infrared=True, before=1))
-    np.testing.assert_array_equal(moved[0], 1)  # 900 is before the target's 903
-    np.testing.assert_array_equal(moved[1], 5000)
-    np.testing.assert_array_equal(moved[2], [[0, 1], [1, 1]])
-    np.testing.assert_array_equal(moved[3], 1)
-    further = depth + np.array([[[10]], [[0]], [[20]], [[0]]], np.float32)
-    np.testing.assert_array_equal(moved_pair(further, NetworkInputs(True, 1))[0], 8)
+def test_a_crop_is_moved_by_its_own_nearest_point(sets: dict[str, Path]) -> None:
+    pairs = StoredPairs(sets["depth"], "train", crop=16, cut="random", protocol="paper")
+    for epoch in range(3):
+        pairs.set_epoch(epoch)
+        clean_mm = pairs[1][1].numpy()
+        assert clean_mm[clean_mm > 0].min() == 1
+
+
+def test_neighbours_move_with_the_frame() -> None:
+    depth = np.full((3, 2, 2), 900, np.float32) + np.arange(3, dtype=np.float32)[:, None, None]
+    depth[1, 0, 0] = 0
+    moved = moved_pair(depth)
+    np.testing.assert_array_equal(moved[0], 1)  # 900 is before the target's 902
+    np.testing.assert_array_equal(moved[1], [[0, 1], [1, 1]])
+    np.testing.assert_array_equal(moved[2], 1)
+    further = depth + np.array([[[10]], [[20]], [[0]]], np.float32)
+    np.testing.assert_array_equal(moved_pair(further)[0], 9)
 
 
 def test_the_fingerprint_of_the_data_has_the_protocol(sets: dict[str, Path]) -> None:

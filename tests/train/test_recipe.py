@@ -37,12 +37,6 @@ def test_every_row_of_the_paper_has_a_recipe_with_its_settings(size: str) -> Non
         assert recipe.training.precision == "32-true"
 
 
-def test_artefact_removal_is_the_identity_in_denoising() -> None:
-    for name in ("paper-d7", "paper-d20", "paper-d64"):
-        twin = load_recipe(name.replace("paper-", "paper-ar-"))
-        assert twin.difference(load_recipe(name)) == f"row is {twin.row!r}, not {twin.row[3:]!r}"
-
-
 def test_a_recipe_of_ones_own_holds_only_differences(tmp_path: Path) -> None:
     (tmp_path / "base.toml").write_text('extends = "face"\n[training]\nbatch = 3\n')
     own = tmp_path / "own.toml"

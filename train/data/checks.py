@@ -16,7 +16,6 @@ from glsim.core.files.atomic import file_checksum
 from glsim.core.units import subtract_offset
 from glsim.data.disk_format import MANIFEST
 from glsim.data.reader import Dataset
-from glsim.networks.inputs import DEPTH_ALONE, INFRARED, NetworkInputs
 from glsim.settings.schema import SPLIT_NAMES
 
 #: Cropping of a larger frame: "no" (an error), at the centre, or at random in each epoch.
@@ -25,26 +24,18 @@ Cut = Literal["no", "centre", "random"]
 Target = Literal["clean", "expected"]
 
 
-def pair_layers(target: Target, inputs: NetworkInputs = DEPTH_ALONE) -> tuple[str, ...]:
-    """Return the layer names of a pair: noisy depth, target, and infrared if a network uses it."""
-    return ("noisy", target, "infrared") if inputs.infrared else ("noisy", target)
-
-
 def entries_of(**choices: str) -> dict[str, str]:
     """Return a fingerprint's entries that are not default; older trainings have no such entry."""
     return {name: value for name, value in choices.items() if value not in ("clean", "depth")}
 
 
-def moved_pair(images: NDArray[np.float32], inputs: NetworkInputs) -> NDArray[np.float32]:
+def moved_pair(images: NDArray[np.float32]) -> NDArray[np.float32]:
     """Shift a pair to the depth protocol "paper", where the target's nearest point is at 1 mm.
 
     All depths of ``images`` (C + 1, H, W), inputs and target, are shifted equally, so that
     neighbours in time keep their difference from the frame.
     """
-    moved = subtract_offset(images, offset_to_nearest(images[-1]))
-    if inputs.infrared:
-        inputs.named(moved)[INFRARED][:] = inputs.named(images)[INFRARED]
-    return moved
+    return subtract_offset(images, offset_to_nearest(images[-1]))
 
 
 def checked_split(
@@ -59,9 +50,7 @@ def checked_split(
     Raises DatasetError: the split is empty, a layer was not written, a subject is in two splits,
     frames differ in size or do not fit ``crop``. Raises ConfigError for a crop below 1.
 
-    Args:
-        crop: side of random crops, px; None: whole frames.
-        layers: layers that the training reads.
+    ``crop``: side of random crops, px; None: whole frames.
     """
     if crop is not None and crop < 1:
         raise ConfigError(f"a crop of {crop} pixels: give 1 or more")

@@ -1,4 +1,4 @@
-"""Inputs besides depth: infrared and neighbours in time, for stored and simulated pairs."""
+"""Neighbours in time as inputs besides depth, for stored and simulated pairs."""
 
 from __future__ import annotations
 
@@ -9,13 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.depth_frame import FrameKey
-from glsim.networks.inputs import AFTER, BEFORE, INFRARED, NetworkInputs
+from glsim.networks.inputs import AFTER, BEFORE, NetworkInputs
 
-#: Largest random gain of infrared; gains are log-uniform from 1/4 to 4. At equal distance and
-#: albedo, a real Kinect V2 and our model differ by a factor of 5 in infrared.
-_LARGEST_GAIN: Final = 4.0
-#: Share of frames whose infrared is left out, so that a network works without infrared.
-_WITHOUT_INFRARED: Final = 0.1
 #: Share of frames whose neighbours in time have gaps, since cameras drop frames.
 _WITH_GAPS: Final = 0.25
 
@@ -37,7 +32,7 @@ class Neighbours:
 
     def of(self, number: int) -> tuple[list[int], list[int]]:
         """Return the positions of the earlier and of the later neighbours, nearest first."""
-        _, before, after = self._inputs
+        before, after = self._inputs
         return self._towards(number, -1, before), self._towards(number, +1, after)
 
     def _towards(self, number: int, step: int, reach: int) -> list[int]:
@@ -57,16 +52,12 @@ class Neighbours:
 def vary_inputs(
     stack: NDArray[np.float32], inputs: NetworkInputs, rng: np.random.Generator
 ) -> NDArray[np.float32]:
-    """Augment the inputs of a frame, (C, H, W): random infrared gain and number of neighbours.
+    """Leave out neighbours of a frame at random, (C, H, W), so that any number is learnt.
 
-    Infrared gets a random gain or is left out. A random number of neighbours remains on each side
-    (the nearest, or some with gaps), so that a network works with any number.
+    On each side the nearest remain, or some with gaps.
     """
     varied = stack.copy()
     named = inputs.named(varied)
-    if INFRARED in named:
-        gain = np.exp(rng.uniform(-1.0, 1.0) * np.log(_LARGEST_GAIN))
-        named[INFRARED] *= np.float32(0.0 if rng.random() < _WITHOUT_INFRARED else gain)
     for name in (BEFORE, AFTER):
         if name not in named:
             continue

@@ -182,7 +182,7 @@ class _BlockRenderer:
             self._tasks(),
             sources=self._stream.sources,
             backend=stream.backend,
-            layers=stream.layers,
+            layers=("noisy", stream.target),
         )
         self._frames = cast("Generator[Frame | Skipped]", frames)
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import zlib
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import cv2
 import numpy as np
@@ -17,13 +18,14 @@ from torch import Tensor
 from torch.utils.data import ConcatDataset, Dataset, get_worker_info
 
 from glsim.core.depth_frame import DepthFrame
+from glsim.core.depth_map import FLYING_MM
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import DatasetError
 from glsim.core.seeds import pcg_rng
 from glsim.core.units import from_steps
 from glsim.data.reader import open_dataset
-from glsim.networks.inputs import DEPTH_ALONE, INFRARED, NetworkInputs, stack_inputs
-from glsim.train.data.checks import Cut, Target, checked_split, moved_pair, pair_layers
+from glsim.networks.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
+from glsim.train.data.checks import Cut, Target, checked_split, moved_pair
 from glsim.train.data.extra_inputs import Neighbours, vary_inputs
 
 #: (noisy_mm, clean_mm), float32 millimetres, 0 = no return; see `PairDataset` for their shapes.
@@ -83,21 +85,23 @@ class Augmentation:
     """Random changes of a pair, limited to scenes that the sensor could have measured.
 
     Offsets, rotation, scaling and added noise are wrong for depth, because noise depends on
-    distance and pose: change the settings of the simulator instead. To shift, crop larger frames
-    (``cut="random"``).
+    distance and pose: change the simulator's settings. To shift, crop larger frames at random.
 
     Attributes:
         flip: mirror left and right with probability 1/2. Shadows change sides, as if the emitter
             were on the other side; do not use it for a network for a single camera.
         relief_mm: add bumps and creases of up to about this height to noisy and target depth.
         slope_mm_per_px: add a plane of up to this slope to noisy and target depth.
-        vary_inputs: change or leave out infrared and neighbours in time, see
-            ``glsim.train.data.extra_inputs``.
+        texture: share of frames to which a texture (ribs or grain, as of fabric and hair) is added.
+        averaged: share of frames whose noise is reduced as if several frames were averaged.
+        vary_inputs: leave out neighbours in time, see ``glsim.train.data.extra_inputs``.
     """
 
     flip: bool = False
     relief_mm: float = 0.0
     slope_mm_per_px: float = 0.0
+    texture: float = 0.0
+    averaged: float = 0.0
     vary_inputs: bool = False
 
 
@@ -133,7 +137,7 @@ class StoredPairs(PairDataset):
         self.dataset = open_dataset(dataset)
         self.is_remote = self.dataset.is_remote
         self.protocol: DepthProtocol = protocol or self.dataset.protocol
-        self._layers = pair_layers(target, inputs)
+        self._layers = ("noisy", target)
         self.split = checked_split(self.dataset, split, crop, cut, self._layers)
         self._inputs = inputs
         self._neighbours: Neighbours | None = None
@@ -163,14 +167,13 @@ class StoredPairs(PairDataset):
         images, change = self._cropped(self._images(number), rng), self._augmentation
         if change.flip and rng.random() < 0.5:
             images = images[:, :, ::-1]
-        if change.relief_mm or change.slope_mm_per_px:
+        if change.averaged and rng.random() < change.averaged:
+            images = _averaged(images, int(rng.choice(_FRAMES_AVERAGED)))
+        if change.relief_mm or change.slope_mm_per_px or change.texture:
             added_mm = self._added_mm(images[-1], rng)
-            raised = np.where(images > 0, images + added_mm, np.float32(0))
-            if self._inputs.infrared:
-                self._inputs.named(raised)[INFRARED][:] = self._inputs.named(images)[INFRARED]
-            images = raised
+            images = np.where(images > 0, images + added_mm, np.float32(0))
         if self.protocol == "paper":
-            images = moved_pair(images, self._inputs)
+            images = moved_pair(images)
         noisy, target = images[:-1], images[-1:]
         if change.vary_inputs:
             noisy = vary_inputs(noisy, self._inputs, rng)
@@ -183,6 +186,8 @@ class StoredPairs(PairDataset):
         change, added_mm = self._augmentation, np.zeros(target.shape, np.float32)
         if change.relief_mm:
             added_mm += sample_surface_bumps(target.shape, change.relief_mm, rng)
+        if change.texture and rng.random() < change.texture:
+            added_mm += sample_texture(target.shape, rng)
         if change.slope_mm_per_px and (target > 0).any():
             nearest_mm = float(target[target > 0].min())
             added_mm += sample_slope(target.shape, change.slope_mm_per_px, nearest_mm, rng)
@@ -202,32 +207,29 @@ class StoredPairs(PairDataset):
 
     def _images(self, number: int) -> NDArray[np.float32]:
         """Read a frame as (C + 1, H, W): the stack of its inputs, then the target."""
-        noisy_mm, target_mm, *infrared = self._layers_of(number)
+        noisy_mm, target_mm = self._layers_of(number)
         positions = ([], []) if self._neighbours is None else self._neighbours.of(number)
         before, after = ([self._layers_of(n, 1)[0] for n in side] for side in positions)
         before, after = ([i for i in s if i.shape == noisy_mm.shape] for s in (before, after))
-        stack = stack_inputs(self._inputs, noisy_mm, before, after, *infrared)
+        stack = stack_inputs(self._inputs, noisy_mm, before, after)
         return np.concatenate([stack, target_mm[None]])
 
-    def _layers_of(self, number: int, count: int | None = None) -> list[NDArray[np.float32]]:
-        """Read the first ``count`` of a frame's noisy, target (mm) and infrared, or all."""
+    def _layers_of(self, number: int, count: int = 2) -> NDArray[np.float32]:
+        """Read a frame's noisy and target depth, (2, H, W) mm, or perhaps only the first."""
         cache = self._cache if get_worker_info() is None else None
         if cache is not None and number in cache:
             units, offset_mm = cache[number]
         else:
             frame = self.split[number]
-            layers = self._layers[: count if cache is None else None]
+            layers = self._layers[: count if cache is None else 2]
             units = np.stack([self._units(frame, layer) for layer in layers])
             offset_mm = float(frame.record["depth_offset_mm"])
             if cache is not None:
                 cache[number] = units, offset_mm
-        pair_mm = from_steps(units[:2], self.dataset.depth_unit_mm, offset_mm)
-        return [*pair_mm, *units[2:].astype(np.float32)]
+        return from_steps(units, self.dataset.depth_unit_mm, offset_mm)
 
     def _units(self, frame: DepthFrame, layer: str) -> NDArray[np.uint16]:
         """Convert a layer to the uint16 units of its file, (H, W), to halve the cache's memory."""
-        if layer == INFRARED:
-            return frame.layer("infrared").astype(np.uint16)
         depth_mm, offset_mm = frame.layer(f"{layer}_mm"), frame.record["depth_offset_mm"]
         steps = np.rint((depth_mm - np.float32(offset_mm)) / np.float32(frame.step_mm))
         return np.where(depth_mm > 0, steps, 0).astype(np.uint16)
@@ -282,6 +284,12 @@ _HEIGHTS: Final = (0.25, 0.5, 0.75, 1.0)
 _PATCH_PX: Final = 12.0
 #: Share of frames without bumps, and share of bump sizes that become creases.
 _UNTOUCHED, _CREASED = 0.25, 0.5
+#: Ranges of a texture's period, px, and of its standard deviation, mm; both are log-uniform. Chosen
+#: for hair, knitted cloth, chairs, leaves and keys at 0.5 to 2 m; finer ones look like noise.
+_PERIOD_PX: Final = (3.0, 12.0)
+_TEXTURE_MM: Final = (0.4, 4.0)
+#: Numbers of frames of which ``averaged`` imitates the mean.
+_FRAMES_AVERAGED: Final = (2, 4, 9)
 #: Share of frames without a slope; largest move nearer, as a share of the frame's smallest depth.
 _LEVEL, _NEARER = 0.5, 0.5
 
@@ -305,6 +313,35 @@ def sample_surface_bumps(
         patches = np.clip(_smooth_noise(shape, _PATCH_PX, rng), 0, 2)
         total_mm += (height_mm * rng.random() ** 2 * height * bumps * patches).astype(np.float32)
     return total_mm
+
+
+def sample_texture(shape: tuple[int, int], rng: np.random.Generator) -> NDArray[np.float32]:
+    """Draw (H, W) float32 millimetres of ribs or grain, in patches, to add to depth.
+
+    Without textures, a network smooths hair and fabric as if they were noise.
+    """
+    period_px, height_mm = (
+        float(np.exp(rng.uniform(*np.log(limits)))) for limits in (_PERIOD_PX, _TEXTURE_MM)
+    )
+    if rng.random() < 0.5:
+        angle, phase = rng.uniform(0, 2 * np.pi, 2)
+        down, right = np.indices(shape)
+        along = np.sin(angle) * down + np.cos(angle) * right
+        pattern: NDArray[Any] = np.sqrt(2) * np.sin(2 * np.pi * along / period_px + phase)
+    else:  # the spectrum falls to half at about the period
+        pattern = _smooth_noise(shape, period_px / 5, rng)
+    patches = np.clip(0.5 + 2 * _smooth_noise(shape, _PATCH_PX, rng), 0, 1)
+    return np.asarray(height_mm * pattern * patches, np.float32)
+
+
+def _averaged(images: NDArray[np.float32], frames: int) -> NDArray[np.float32]:
+    """Divide a frame's noise by the root of a number of frames; ``images`` as in StoredPairs."""
+    noisy, target = images[0], images[-1]
+    error = noisy - target
+    same = (noisy > 0) & (target > 0) & (np.abs(error) < FLYING_MM)  # larger: flying pixels
+    averaged = images.copy()
+    averaged[0] = np.where(same, target + error / np.float32(math.sqrt(frames)), noisy)
+    return averaged
 
 
 def sample_slope(

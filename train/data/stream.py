@@ -27,7 +27,7 @@ from glsim.settings.schema import SPLIT_NAMES, Settings
 from glsim.simulation.frame import Frame, Skipped
 from glsim.simulation.plan.split import split_subjects
 from glsim.simulation.plan.tasks import Task
-from glsim.train.data.checks import Target, moved_pair, pair_layers
+from glsim.train.data.checks import Target, moved_pair
 from glsim.train.data.extra_inputs import Neighbours, vary_inputs
 
 log = logging.getLogger(__name__)
@@ -57,10 +57,7 @@ class BatchStream:
 
     For neighbours in time, frames of a person are consecutive frames of one sequence and device.
 
-    Attributes:
-        sources: the open sources of ``settings``.
-        people: names of the split's people, for each source.
-        vary: change the inputs, see ``vary_inputs``.
+    ``people``: names of the split's people, for each source.
     """
 
     settings: Settings
@@ -135,11 +132,6 @@ class BatchStream:
             tasks.append(Task(number, self.split, subject, source, key, seeds, device))
         return tasks
 
-    @property
-    def layers(self) -> tuple[str, ...]:
-        """Names of the frame layers that a pair needs."""
-        return pair_layers(self.target, self.inputs)
-
     def images(
         self, results: Sequence[Frame | Skipped], lane: int, block: int
     ) -> list[NDArray[np.float32]]:
@@ -148,21 +140,20 @@ class BatchStream:
         Raises MeshError if no frame could be rendered.
         """
         frames = replace_skipped(results)
-        depths = [f"{layer}_mm" for layer in pair_layers(self.target)]
+        depths = ("noisy_mm", f"{self.target}_mm")
         pairs = [[measured.layer(n) for n in depths] for measured in map(Frame.measured, frames)]
         names = [(f"{f.source}/{f.key.subject}", f.key.sequence, f.key.frame) for f in frames]
         keys = [FrameKey(*name) for name in names]
         neighbours = Neighbours(keys, self.inputs)
         rng = pcg_rng("inputs", self.seed, lane, block)
         images = []
-        for number, (frame, (noisy_mm, target_mm)) in enumerate(zip(frames, pairs, strict=True)):
+        for number, (noisy_mm, target_mm) in enumerate(pairs):
             before, after = ([pairs[n][0] for n in side] for side in neighbours.of(number))
-            infrared = frame.infrared if self.inputs.infrared else None
-            stack = stack_inputs(self.inputs, noisy_mm, before, after, infrared)
+            stack = stack_inputs(self.inputs, noisy_mm, before, after)
             if self.vary:
                 stack = vary_inputs(stack, self.inputs, rng)
             pair = np.concatenate([stack, target_mm[None]])
-            images.append(moved_pair(pair, self.inputs) if self.protocol == "paper" else pair)
+            images.append(moved_pair(pair) if self.protocol == "paper" else pair)
         return images
 
 

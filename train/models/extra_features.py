@@ -1,4 +1,4 @@
-"""Input features from infrared and from neighbours in time; all are local, like `features`."""
+"""Input features from neighbours in time; all are local, like `features`."""
 
 from __future__ import annotations
 
@@ -27,38 +27,14 @@ _PATCH_RADIUS, _PATCH_SIGMA = 3, 1.5
 _NOISE_STEP_PX, _LEAST_NOISE_MM = 3, 0.15
 #: Scale of the mean over time, mm: a network output of 1 corrects depth by this.
 _RELATIVE_MM: Final = 10.0
-#: Largest difference of log infrared from the mean of its surface: a factor of 20 in infrared.
-_LARGEST_LOG: Final = 3.0
-#: Divisor of log infrared; the largest log, of 65,535 counts, is 11.
-_LOG_SCALE: Final = 8.0
-
-#: Channels of `infrared_features`, and of `neighbour_features` for each neighbour and for all.
-_INFRARED, _EACH_NEIGHBOUR, _ALL_NEIGHBOURS = 2, 2, 2
+#: Channels of `neighbour_features` for each neighbour and for all.
+_EACH_NEIGHBOUR, _ALL_NEIGHBOURS = 2, 2
 
 
 def extra_channels(inputs: NetworkInputs) -> int:
     """Count the feature channels of a network's inputs besides depth."""
     neighbours = inputs.before + inputs.after
-    in_time = neighbours * _EACH_NEIGHBOUR + _ALL_NEIGHBOURS if neighbours else 0
-    return in_time + _INFRARED * inputs.infrared
-
-
-def infrared_features(infrared: Tensor, surface_log: Tensor) -> Tensor:
-    """Compute the features of infrared images; 0 at pixels without counts.
-
-    ``surface_log`` is the mean of log(1 + counts) over each pixel's surface. Returns (B, 2, H, W):
-    log infrared minus that mean (independent of the gain), and log(1 + counts) / 8 (noise depends
-    on it).
-    """
-    measured = (infrared > 0).to(infrared.dtype)
-    log = log_counts(infrared)
-    relative = (log - surface_log).clamp(-_LARGEST_LOG, _LARGEST_LOG) * measured
-    return torch.cat([relative, log / _LOG_SCALE], dim=1)
-
-
-def log_counts(infrared: Tensor) -> Tensor:
-    """Compute log(1 + counts); 0 for counts that are 0, negative or NaN."""
-    return torch.log(1.0 + torch.where(infrared > 0, infrared, 0.0))
+    return neighbours * _EACH_NEIGHBOUR + _ALL_NEIGHBOURS if neighbours else 0
 
 
 class MeanOverTime(NamedTuple):

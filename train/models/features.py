@@ -148,19 +148,6 @@ def front_and_back(noisy_mm: Tensor, fill_mm: Tensor) -> Tensor:
     return torch.cat(surfaces, dim=1)
 
 
-def own_surface_mean(values: Tensor, fill_mm: Tensor, noisy_mm: Tensor, known: Tensor) -> Tensor:
-    """Average known values over each pixel's own surface, (B, 1, H, W); 0 without known values.
-
-    The 5x5 samples are 3 px apart, within 50 mm of ``fill_mm``, with Tukey's weights.
-
-    ``fill_mm`` is depth with filled holes, ``known`` the mask of the values.
-    """
-    depths = _taps(torch.where((noisy_mm > 0) & known, noisy_mm, torch.inf), torch.inf)
-    weight = tukey(((depths - fill_mm) / FLYING_MM).clamp(-1, 1))
-    total = _summed(weight * _taps(values, 0.0))
-    return total / _summed(weight).clamp_min(TINY)
-
-
 def _taps(image: Tensor, outside: float, step_px: int = _TAP_STEP, taps: int = _TAPS) -> Tensor:
     """Sample a grid around each pixel, a channel per sample; beyond the image is ``outside``."""
     height, width = image.shape[-2:]

@@ -18,14 +18,12 @@ from pydantic import AfterValidator, Field
 from torch import Tensor, nn
 
 from glsim.core.errors import ConfigError
-from glsim.networks.inputs import AFTER, BEFORE, DEPTH, INFRARED, MAX_NEIGHBOURS, NetworkInputs
+from glsim.networks.inputs import AFTER, BEFORE, DEPTH, MAX_NEIGHBOURS, NetworkInputs
 from glsim.networks.record import UNLIKELY
 from glsim.train.models.backbone import Backbone, init_zero
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.extra_features import (
     extra_channels,
-    infrared_features,
-    log_counts,
     mean_over_time,
     neighbour_features,
 )
@@ -36,7 +34,6 @@ from glsim.train.models.features import (
     depth_features,
     front_and_back,
     local_mean,
-    own_surface_mean,
 )
 
 Neighbours = Annotated[int, Field(ge=0, le=MAX_NEIGHBOURS)]
@@ -67,9 +64,8 @@ _LEAST_SIGMA_MM, _LARGEST_SIGMA_MM = 0.02, 500.0
 class MaskAware(DepthModel):
     """A denoiser that computes corrected depth, validity and uncertainty from depth features.
 
-    Input: (B, C, H, W) float32. The first channel is depth; ``infrared``, ``before`` and ``after``
-    add channels (see ``glsim.networks.inputs``). Values of depth and infrared that are not above 0
-    are holes.
+    Input: (B, C, H, W) float32. The first channel is depth; ``before`` and ``after`` add channels
+    (see ``glsim.networks.inputs``). Values that are not above 0 are holes.
 
     The correction is the sum of the filters' bands (`features.Features.bands_mm`), each times a
     predicted gain, and of a predicted residual, minus the mean of this sum over the surrounding
@@ -98,7 +94,6 @@ class MaskAware(DepthModel):
         backbone: Backbone,
         uncertainty: bool = False,
         surfaces: bool = False,
-        infrared: bool = False,
         before: Neighbours = 0,
         after: Neighbours = 0,
         filters: Filters = FILTERS,
@@ -108,7 +103,7 @@ class MaskAware(DepthModel):
         super().__init__()
         self.keep_clean, self.margin_px, self.unlikely = keep_clean, backbone.margin_px, unlikely
         self.filters = filters
-        self.inputs = NetworkInputs(infrared, before, after)
+        self.inputs = NetworkInputs(before, after)
         self.backbone = backbone
         init_zero([layer for layer in backbone.modules() if isinstance(layer, nn.Conv2d)][-1])
         self.uncertainty = uncertainty
@@ -119,14 +114,13 @@ class MaskAware(DepthModel):
     def backbone_settings(
         uncertainty: bool = False,
         surfaces: bool = False,
-        infrared: bool = False,
         before: int = 0,
         after: int = 0,
         filters: Sequence[FilterName] = FILTERS,
         **_others: Any,
     ) -> dict[str, Any]:
         """Return the backbone's arguments that follow from the arguments of the model."""
-        extra = extra_channels(NetworkInputs(infrared, before, after))
+        extra = extra_channels(NetworkInputs(before, after))
         return {
             "in_channels": len(filters) + OTHER_CHANNELS + 2 * surfaces + extra,
             "out_channels": 2 + len(filters) + uncertainty + 4 * surfaces,
@@ -151,10 +145,6 @@ class MaskAware(DepthModel):
                 channels = torch.cat([offset, channels], dim=1)
             valid = channels[:, -1:]
             # Extra channels are last, so that weights of single-frame networks fit (`copy_weights`)
-            if self.inputs.infrared:
-                light = named[INFRARED]
-                around = own_surface_mean(log_counts(light), fill_mm, noisy_mm, light > 0)
-                channels = torch.cat([channels, infrared_features(light, around)], dim=1)
             if neighbours:
                 features = neighbour_features(neighbours_mm, fill_mm, in_time)
                 channels = torch.cat([channels, features], dim=1)

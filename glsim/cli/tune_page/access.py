@@ -115,8 +115,7 @@ class AccessCheck:
             if _equal(request.cookies.get(self._cookie, ""), self._secret):
                 return None
             if _equal(request.query_params.get("token", ""), self._address.token):
-                # Lax: the browser sends the cookie on this redirection, which began in a local
-                # file.
+                # Lax: this redirection, which began in a local file, shall send the cookie.
                 page = RedirectResponse(str(request.url.remove_query_params("token")), 303)
                 page.set_cookie(
                     self._cookie, self._secret, _COOKIE_S, httponly=True, samesite="lax"

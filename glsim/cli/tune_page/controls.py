@@ -23,11 +23,7 @@ class Control:
 
     Attributes:
         name: name in ``--set name=value``.
-        kind: type of the value: float, int or bool.
-        low, high: the valid range.
-        least, most: the ends of the slider.
         log_scale: whether the slider's position is the logarithm to base 10.
-        start: value in the sensor file.
         off: whether the sensor has no such value until the slider is moved from ``start``.
         own_step: step in the parameter's declaration; 0: none.
     """

@@ -47,12 +47,7 @@ _PLACE = re.compile(r"(?P<file>[^\s;:]+\.\w+):(?P<line>\d+):\s*")
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A drawn frame of a tuning.
-
-    Attributes:
-        frames: number of frames in the plan.
-        milliseconds: time to draw it.
-    """
+    """A drawn frame of a tuning."""
 
     tuning: Tuning
     frame: Frame

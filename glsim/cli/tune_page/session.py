@@ -35,10 +35,7 @@ class TuneSession:
 
     Attributes:
         base: settings from which a tab starts.
-        start: the tuning of the command's options.
         command: the part of a command line that names the faces, e.g. ``glsim render face.obj``.
-        real: folder of a recording, or None.
-        recorded: figures of this recording, after they were measured.
     """
 
     base: Settings
@@ -92,8 +89,6 @@ def open_session(
     Raises MeshError if ``face`` cannot be read.
 
     Args:
-        assignments: values of ``--set``.
-        face: a mesh file that replaces the source of ``settings``.
         command_options: option -> value or None, for the command that makes the same frames.
     """
     settings, values = _split(settings, assignments)

@@ -45,17 +45,7 @@ class Elements(NamedTuple):
 
 
 class TuneTab:
-    """Tunings and pictures of a tab.
-
-    Attributes:
-        picture: the newest picture.
-        selected: name of the open section of the left column.
-        playing: whether the frames are shown one after the other.
-        packet: the newest picture for the browser.
-        other_packet: the picture of setting B, or None.
-        other_figures: figures of setting B, or None.
-        restored: whether the tab started from the last settings of this command.
-    """
+    """Tunings and pictures of a tab."""
 
     def __init__(
         self, session: TuneSession, client: Client, build: Callable[[TuneTab], Elements]
@@ -114,11 +104,7 @@ class TuneTab:
     # what changes
 
     def change(self, tuning: Tuning, what: str = "") -> None:
-        """Make a tuning the current tuning, and draw it soon.
-
-        Args:
-            what: name of the change, for undo.
-        """
+        """Make a tuning the current tuning, and draw it soon."""
         if self.history.change(tuning, what):
             background_tasks.create(self.refresh(), name="glsim tune")
 

@@ -1,7 +1,6 @@
 """A tuning (the changes to a sensor as a plain value), and its undo history.
 
-All that the page writes (a command line, Python, a sensor file) has the names and values of
-``--set``.
+What the page writes (command line, Python, sensor file) has the names and values of ``--set``.
 """
 
 from __future__ import annotations
@@ -38,10 +37,8 @@ class Tuning:
     """A state of the page's settings; equal tunings give equal frames.
 
     Attributes:
-        sensor: name of a sensor, or a sensor file.
         values: name in ``--set`` -> value.
         code: stage -> its changed GLSL.
-        frame: number of the frame in the plan.
     """
 
     sensor: str
@@ -66,8 +63,7 @@ class Tuning:
 class History:
     """Tunings of a page in order, with a current position for undo and redo.
 
-    Until ``settle``, successive changes of one name are one step, so that a single undo reverts a
-    dragged slider.
+    Until ``settle``, successive changes of one name, as of a dragged slider, are one undo step.
     """
 
     def __init__(self, start: Tuning) -> None:
@@ -79,11 +75,7 @@ class History:
         return self._steps[self._at]
 
     def change(self, tuning: Tuning, what: str = "") -> bool:
-        """Make a tuning the current tuning; return True if it differs.
-
-        Args:
-            what: name of the change.
-        """
+        """Make a tuning the current tuning; return True if it differs."""
         if tuning == self.now:
             return False
         if what and what == self._open and self._at == len(self._steps) - 1:

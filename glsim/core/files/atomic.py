@@ -157,7 +157,6 @@ class AtomicFile:
     device, such as /dev/stdout, is written directly.
 
     Args:
-        path: the final path.
         temporary: path of the unfinished file, on the same file system; it must not exist. By
             default a random name beside ``path``: the folder is created, and temporary files that
             killed processes left there are removed.

@@ -20,12 +20,10 @@ except ImportError:  # Windows
 def locked(
     file: Path, busy: GlsimError, *, wait: bool = False, shared: bool = False
 ) -> Iterator[None]:
-    """Hold a file lock during a block; the kernel frees it if the process dies.
+    """Hold a file lock during a block, or raise ``busy``; the kernel frees it if the process dies.
 
     Args:
         file: the lock file; it is created if it is missing (DatasetError if that fails), and stays.
-        busy: the error if another process holds the lock.
-        wait: wait until the lock is free, instead of raising ``busy``.
         shared: several processes may hold the lock together, if all of them ask for a shared one;
             not on Windows, where one process holds it.
     """

@@ -6,8 +6,7 @@ above, which makes files 0.61 to 1.01 times as large. OpenCV decodes; it is impo
 first needed.
 Width and height are read from the file's own header first: 2 MB of deflate can hold 2 GB of zeros.
 
-A depth map may state its step in a text chunk "glsim depth_unit_mm" before the pixels, see
-``encode_png``.
+A depth map may state its step in a text chunk "glsim depth_unit_mm" before the pixels.
 
 PNG: W3C Recommendation, third edition. TIFF: Adobe, revision 6.0.
 """

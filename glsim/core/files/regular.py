@@ -1,7 +1,6 @@
 """Open untrusted files: only regular files, of bounded size, inside their folder.
 
-Every failure is an OSError whose ``strerror`` gives the reason, so that a reader reports it like a
-missing file.
+Every failure is an OSError whose ``strerror`` gives the reason, as for a missing file.
 """
 
 from __future__ import annotations

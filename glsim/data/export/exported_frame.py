@@ -22,7 +22,6 @@ class Export:
     """A file format for exported frames.
 
     Args:
-        name: name in ``--to``.
         encode: returns the files of one frame, each as (end of its name, bytes).
         library: package that the format imports; the extra glsim[formats] installs it.
     """
@@ -41,10 +40,7 @@ def export_frames(
 ) -> Iterator[DepthFrame]:
     """Yield the frames of a data set in the order of its manifest, with the chosen depth layers.
 
-    Args:
-        layers: depth layers to export; ConfigError for a missing layer. Default: all depth layers.
-        split: frames of this split only.
-        count: number of frames, from the first on.
+    ``layers``: depth layers to export; ConfigError for a missing layer. Default: all depth layers.
     """
     there = [layer for layer in DEPTH_LAYERS if layer in dataset.layers]
     for layer in layers or ():

@@ -55,21 +55,14 @@ def export_dataset(
     count: int | None = None,
     progress: Callable[[int], None] | None = None,
 ) -> int:
-    """Write the frames of a data set to a folder in the chosen export formats.
+    """Write the frames of a data set to a folder in the chosen formats; return their number.
 
     Files of a frame are named OUT/SPLIT/SUBJECT/SEQUENCE_FRAME..., like the images of the data set,
-    and replace older files. The format hf cannot be combined: it copies the whole data set and adds
-    a card.
+    and replace older files. The format hf, alone, copies the whole data set and adds a card.
 
     Args:
-        formats: names of formats, see ``glsim export``.
         layers: depth layers: clean, noisy, expected. Default: all.
-        split: frames of this split only.
         count: number of frames, from the first on.
-        progress: called with the number of complete frames.
-
-    Returns:
-        The number of frames.
 
     Raises:
         ConfigError: an argument is wrong, or a library is not installed.

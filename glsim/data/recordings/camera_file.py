@@ -89,8 +89,7 @@ class _CameraTable(TomlTable, allow_inf_nan=False):
 def read_camera_file(file: Path) -> StatedCamera:
     """Read a ``camera.toml``.
 
-    Raises:
-        ConfigError: the file cannot be read, has an unknown key or an impossible value.
+    Raises ConfigError: the file cannot be read, has an unknown key or an impossible value.
     """
     table = parse_table(_CameraTable, read_toml(file), str(file))
     intrinsics = None

@@ -37,10 +37,8 @@ class FramePlace(NamedTuple):
     """Name and files of one depth map.
 
     Attributes:
-        name: name of the map, unique in the recording.
         file: PNG, TIFF, OpenEXR, ``.npy``, dump of libfreenect2, or Biwi's depth.bin.
         number: number of the map in a stack; None if the file has one map.
-        inside: folder; a link to a file outside it is refused.
         infrared: file of the infrared image, if it is not beside ``file``.
         offset_mm: depth that is added to integers, see ``from_steps``.
     """
@@ -59,8 +57,6 @@ class Votes(NamedTuple):
     Attributes:
         maps_mm: up to four of the maps, (H, W) float32 mm, 0 = no depth.
         step_mm: step of integers, mm; 0 for floats.
-        deepest_mm: largest depth in the maps.
-        names_step: whether one of the files states its step.
     """
 
     maps_mm: tuple[Floats, ...] = ()
@@ -73,11 +69,8 @@ class MapFiles:
     """A reader of depth maps and infrared images in files.
 
     Attributes:
-        places: file of each map.
         step_mm: step of integers; the largest step if each PNG file states its own.
-        votes: facts about the maps that were read to decide on the unit.
         ray_channel: OpenEXR channel with distances along rays; "" if the files have depths.
-        notes: lines for the user about assumed units.
     """
 
     def __init__(
@@ -90,11 +83,8 @@ class MapFiles:
         """Decide the step of integers, and for each folder the unit of floats.
 
         Args:
-            places: names and files of the maps, in order.
             given_mm: step of integers from an option. Default: the stated step, else 1.
-            stated_mm: step that a camera.toml or a data set states; it overrides the PNG files'
-                steps.
-            channel: depth channel of OpenEXR files.
+            stated_mm: step that a camera.toml or a data set states, above the PNG files' steps.
 
         Raises:
             ConfigError: two different steps are stated or given.
@@ -108,8 +98,7 @@ class MapFiles:
             folders.setdefault(place.file.parent, []).append(place)
         voters = _voters([*folders.values()])
         named = {stated_unit_mm(place.file, inside=place.inside) for place in voters}
-        #: Whether each PNG file has its own step: it states one, and no camera.toml or data set
-        #: does.
+        #: Whether each PNG file has its own step: no camera.toml and no data set states one.
         self._each_states = stated_mm is None and named != {None}
         if self._each_states:
             if None in named and named != {None, 1.0}:

@@ -54,15 +54,13 @@ def list_maps(
     there are none, dumps of libfreenect2 and Biwi. A folder ``depth`` excludes all files beside it.
 
     Args:
-        folder: the folder to search.
         kind: kind of the maps; other kinds in a folder that glsim wrote are left out.
         below: whether to search sub-folders other than ``depth``, too.
 
     Returns:
         The files in natural order, and pattern of file names that are left out -> number of files.
 
-    Raises:
-        NoDepthError: the folder has no depth map.
+    Raises NoDepthError: the folder has no depth map.
     """
     groups: dict[Path, list[Path]] = {}
     for path in _images(folder, below):
@@ -149,8 +147,7 @@ def whole_recording(given: Sequence[Path]) -> Path | None:
 def stated_camera(*folders: Path) -> tuple[StatedCamera, Path | None]:
     """Read the files in the folders that state a camera or the unit of its depth.
 
-    Returns:
-        The stated camera (earlier files override later ones), and the first file.
+    Returns the stated camera (earlier files override later ones), and the first file.
 
     Raises ConfigError, DatasetError.
     """

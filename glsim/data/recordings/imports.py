@@ -66,15 +66,7 @@ def import_biwi(
     The noisy map is the Kinect's whole depth.bin; the clean map shows only the head. The notes of a
     record have the colour camera and the head pose.
 
-    Args:
-        root: folder with NN.obj and NN/frame_*_depth.bin.
-        out: folder of the data set.
-        every: use every n-th frame.
-        subjects, frames_per_subject: largest numbers. Default: all.
-        split: shares of train, val and test.
-        workers: number of processes.
-        backend: OpenGL back end.
-        progress: called with the state after each frame.
+    ``root``: folder with NN.obj and NN/frame_*_depth.bin.
 
     Raises ConfigError for a root without recordings, DatasetError by ``write_dataset``.
     """
@@ -144,24 +136,18 @@ def _biwi_frame(
     except DatasetError as error:
         colour = str(error)
     pose = source.pose(task.key)
-    return _frame(
-        settings,
-        task,
-        source,
-        image,
-        clean_m,
-        noisy_m,
-        np.zeros_like(clean_m),
-        reconcile_reasons(clean_m, noisy_m, np.zeros_like(clean_m)).astype(np.uint8),
-        notes={
-            "real": "depth.bin of a Kinect V1, unchanged",
-            "clean": "the person's template, posed",
-            "head_rotation": [[round(float(v), 6) for v in row] for row in pose.rotation],
-            "depth_file": path.relative_to(source.root).as_posix(),
-            "colour_camera": colour,
-        },
-        pose=dict(zip(("x_mm", "y_mm", "distance_mm"), map(float, pose.centre_mm), strict=True)),
-    )
+    dark = np.zeros_like(clean_m)
+    reason = reconcile_reasons(clean_m, noisy_m, dark).astype(np.uint8)
+    notes = {
+        "real": "depth.bin of a Kinect V1, unchanged",
+        "clean": "the person's template, posed",
+        "head_rotation": [[round(float(v), 6) for v in row] for row in pose.rotation],
+        "depth_file": path.relative_to(source.root).as_posix(),
+        "colour_camera": colour,
+    }
+    at = dict(zip(("x_mm", "y_mm", "distance_mm"), map(float, pose.centre_mm), strict=True))
+    images = clean_m, noisy_m, dark, reason
+    return _frame(settings, task, source, image, *images, notes=notes, pose=at)
 
 
 def _frame(
@@ -286,9 +272,7 @@ def import_recordings(
 
     Args:
         root: a folder that ``open_maps`` reads, or a folder of such folders.
-        out: folder of the data set.
         depth_unit_mm, mirror, topic: see ``open_maps``.
-        every, workers, progress: see ``import_biwi``.
         split: shares of train, val and test. Default: only test.
 
     Raises ConfigError without such a folder, DatasetError without frames or by ``write_dataset``.

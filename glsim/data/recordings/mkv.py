@@ -2,8 +2,7 @@
 
 The track DEPTH is 16-bit grey, big endian (b16g), in steps of 1 mm. The track IR has the same
 format, in counts. Tracks that were compressed again, such as by FFV1, are read as well. The factory
-calibration of the device is an attachment, calibration.json, normalised to the whole chip of 1024 x
-1024 px.
+calibration of the device is an attachment, calibration.json, normalised to the whole chip.
 Sources: Microsoft's page on the format of recordings, and mode_specific_calibration.c of the
 Azure-Kinect-Sensor-SDK for the part of the chip that each mode shows.
 """

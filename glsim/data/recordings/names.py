@@ -91,8 +91,7 @@ def infrared_files(depth_files: Sequence[Path], given: Path) -> list[Path]:
         given: the image of a single depth file, or a folder. Its images have the names of the depth
             files; or there are equally many, in the same order.
 
-    Raises:
-        ConfigError: there is no such folder, or the numbers of images differ.
+    Raises ConfigError: there is no such folder, or the numbers of images differ.
     """
     if given.is_file() and len(depth_files) == 1:
         return [given]

@@ -34,13 +34,8 @@ class FrameStream:
     """A file with many depth frames, and the infrared images of the same times.
 
     Attributes:
-        path: path of the file, or of the folder of a bag.
-        kind: "bag" or "mkv".
-        step_mm: step of integers.
-        stated: the stated camera.
         notes: lines for the user about chosen topics or tracks.
         camera_notes: lines for the user about missing statements of the camera.
-        has_infrared: whether the file has infrared images, too.
     """
 
     #: Package that reads the file, and message about a file that it cannot read.

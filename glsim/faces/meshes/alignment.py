@@ -89,7 +89,6 @@ class Alignment:
         doubts: problems that a person should check, one sentence each.
         better_axes: axes that fit the face clearly better than the user's; "" without.
         rotation_deg: turns about the canonical x, y and z, in this order, after ``axes``.
-        extent_mm: largest side of the mesh's bounding box.
     """
 
     unit: str
@@ -321,19 +320,16 @@ def _find_face(
             some, turns = samples[:, ::FINE_SAMPLES], even_rotations(FINE_ROTATIONS)
             fit = max(fit, search_face(some, heads, turns, TRIES, sure, samples), key=_score)
         known = fit and any(_ratio(fit.mm_per_unit, mm) < METRIC_RATIO for mm in lengths[0])
-        if fit and known and fit.score >= (PLAIN_FIT if _is_upright(fit) else GOOD_FIT):
-            return fit
+        if fit and known:
+            off_deg = _angle_deg(fit.rotation, rotation(_nearest_axes(fit.rotation)))
+            if fit.score >= (PLAIN_FIT if off_deg <= PLAIN_DEG else GOOD_FIT):
+                return fit
         best = max(best, fit, key=_score)
     return best if _score(best) >= GOOD_FIT else None
 
 
 def _score(fit: FaceFit | None) -> float:
     return -1.0 if fit is None else fit.score
-
-
-def _is_upright(fit: FaceFit) -> bool:
-    """Return whether the head stands in quarter turns."""
-    return _angle_deg(fit.rotation, rotation(_nearest_axes(fit.rotation))) <= PLAIN_DEG
 
 
 def _ratio(first: float, second: float) -> float:
@@ -436,12 +432,7 @@ def check_axes(axes: str) -> None:
 
 
 def _is_clockwise(points_mm: NDArray[np.floating], faces: NDArray[np.integer]) -> bool:
-    """Return whether most triangles seen from +z are clockwise, by area.
-
-    Args:
-        points_mm: (V, 3), z out of the face.
-        faces: (F, 3).
-    """
+    """Return whether most triangles (F, 3) of (V, 3) points seen from +z are clockwise, by area."""
     a, b, c = (points_mm.T[:, corner] for corner in faces.T)
     (ux, uy, _), (vx, vy, _) = b - a, c - a
     x, y, z = (a + b + c) / 3

@@ -76,7 +76,6 @@ class FileMesh:
         vertices: (V, 3) float64, finite, each used by a triangle.
         faces: (F, 3) int32, none degenerate.
         albedo: (V,) float32 or None.
-        degenerate: number of triangles without area that were dropped.
         doubts: problems of the file that a person should check, one sentence each.
     """
 
@@ -242,13 +241,7 @@ def drop_degenerate(
     faces: NDArray[np.int64],
     albedo: NDArray[np.float32] | None,
 ) -> FileMesh:
-    """Drop triangles without area and unused vertices. Raises MeshError for NaN and infinity.
-
-    Args:
-        vertices: (V, 3).
-        faces: (F, 3).
-        albedo: (V,) or None.
-    """
+    """Drop triangles (F, 3) without area and unused vertices (V, 3). Raises MeshError for NaN."""
     broken = np.logical_not(np.isfinite(vertices).all(axis=1))
     if broken.any() and len(bad := np.flatnonzero(broken[faces].any(axis=1))):
         raise MeshError(

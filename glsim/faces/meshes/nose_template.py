@@ -44,14 +44,10 @@ class NoseMatch:
 def sample_surface(
     vertices: NDArray[np.floating], faces: NDArray[np.integer], count: int = SAMPLES
 ) -> NDArray[np.float64]:
-    """Return (3, count) coordinates of points spread evenly by area; deterministic.
+    """Return (3, count) points spread evenly by area over a mesh (V, 3), (F, 3); deterministic.
 
     Each of ``count`` equal shares of the area gets a random point. Points at even steps would beat
     with the rows of a fine mesh and leave empty stripes.
-
-    Args:
-        vertices: (V, 3).
-        faces: (F, 3).
     """
     first, second, third = (vertices[faces[:, corner]] for corner in range(3))
     area = np.linalg.norm(np.cross(second - first, third - first), axis=1)
@@ -154,12 +150,7 @@ def match_noses(
 def _asymmetry(
     top: NDArray[np.float64], y: NDArray[np.int64], x: NDArray[np.int64]
 ) -> NDArray[np.float64]:
-    """Return (N,) mean difference between left and right of each candidate, mm.
-
-    Args:
-        top: (H, W) height map, mm.
-        y, x: (N,) cells of the candidates.
-    """
+    """Return (N,) mean difference, mm, between left and right of cells of a height map (H, W)."""
     padded = np.pad(top, ((_BELOW, _ABOVE), (_HALF_FACE, _HALF_FACE)), constant_values=-np.inf)
     windows = np.lib.stride_tricks.sliding_window_view(padded, (len(_X), 2 * _HALF_FACE + 1))[y, x]
     depth = np.clip(windows - top[y, x][:, None, None], *ASYMMETRY_CLIP_MM)

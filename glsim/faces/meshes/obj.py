@@ -162,14 +162,7 @@ def check_count(path: Path, triangles: int) -> None:
 
 
 def check_corners(path: Path, corners: NDArray[np.int64], vertices: int, first: int = 0) -> None:
-    """Raise MeshError for an index outside the vertices.
-
-    Args:
-        path: file that the error names.
-        corners: indices of vertices, from 0.
-        vertices: number of vertices.
-        first: number that the file gives its first vertex.
-    """
+    """Raise MeshError for an index, from 0, outside the vertices."""
     bad = np.flatnonzero((corners < 0) | (corners >= vertices))
     if len(bad):
         raise MeshError(
@@ -260,15 +253,9 @@ def read_bytes(path: Path, max_bytes: int = MAX_BYTES) -> bytes:
 
 
 def check_start(path: Path, pattern: bytes, kind: str) -> bytes:
-    """Return the start of a file that matches a pattern, before the rest is read.
+    """Return the start of a file that matches a pattern, without the rest. Raises MeshError.
 
-    Args:
-        path: the file.
-        pattern: regular expression of the header, at most 64 kB.
-        kind: format that the error names.
-
-    Raises:
-        MeshError: the file cannot be read, or begins otherwise.
+    ``pattern``: regular expression of the header, at most 64 kB.
     """
     try:
         with open_regular(path, MAX_BYTES) as file:
@@ -329,8 +316,6 @@ def parse_rows(path: Path, rows: bytes, sizes: Sequence[int]) -> NDArray[np.floa
     """Parse lines of vertices as (V, K). Raises MeshError.
 
     Args:
-        path: file that the error names.
-        rows: the lines.
         sizes: allowed numbers of values in a line. K is that of the longest line; NaN stands after
             the end of a shorter line.
     """

@@ -26,7 +26,6 @@ class BodyModel:
 
     Args:
         template_mm: (P + B, 3) float32: P coarse vertices, then the joints of the B bones.
-        targets: shapes of the template.
         actions: facial actions, shapes of the V fine vertices.
         starts, sources, shares: (V,), (N,) and (N,): fine vertex v is the sum of ``shares`` times
             the coarse vertices ``sources`` from starts[v] to starts[v + 1].

@@ -34,11 +34,9 @@ class HeadModel:
         landmarks: (68,) int64 vertices in the order of ``glsim.faces.regions``.
         identity: a shape per identity parameter, mm per unit of the parameter.
         pulls: two shapes per action unit, the skin pulls of the left and of the right side.
-        units: names of the action units.
         unit_lids: (U, 2) float64, share by which a unit closes the upper and the lower lid.
         unit_jaw_deg: (U,) float64, rotation by which a unit opens the jaw.
         jaw: (V,) float64 weight of the jaw's rotation in [0, 1].
-        lids: vertices of the lids.
         anchors_mm: (4, 3) float64, centres of the left and right eye, roots of the left and right
             ear: these parts are rigid.
         rigid: for each anchor, the vertices of the rigid part and their float64 weights.

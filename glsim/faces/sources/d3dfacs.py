@@ -47,13 +47,7 @@ class D3dfacsSettings(MeshFileSettings):
 
     def open(self, seed: int) -> FaceSource:
         """Open the set. Raises ConfigError without meshes."""
-        return D3dfacs(
-            self.folder,
-            unit=self.unit,
-            axes=self.axes,
-            every=self.every or 1,
-            peak_only=bool(self.peak_only),
-        )
+        return D3dfacs(self.folder, self.unit, self.axes, self.every or 1, bool(self.peak_only))
 
     @classmethod
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
@@ -66,8 +60,6 @@ class D3dfacs(Folder):
     """The face source of D3DFACS in its original layout. Raises ConfigError as Folder does.
 
     Args:
-        every: use every n-th frame of each sequence, from its first.
-        peak_only: use only the peak frame of each sequence.
         unit: default: metres for registrations, detected by the size of the mesh for raw scans.
         axes: default: +x+y+z.
     """
@@ -77,7 +69,6 @@ class D3dfacs(Folder):
     def __init__(
         self,
         root: Path | str,
-        *,
         unit: str = "auto",
         axes: str = "auto",
         every: int = 1,

@@ -8,8 +8,7 @@
 
 directly below the root or up to three folders deeper. Folders of one person in several places are
 one subject. Sequence "shapes" passes through the blend shapes in order, with ``steps`` frames from
-each shape to the next (easing in and out); frame K * steps is shape K. Sequence "poses" contains
-the poses.
+each shape to the next (easing in and out); frame K * steps is shape K. Sequence "poses": the poses.
 
 The files have their own unit, about 100 to 125 mm; it is estimated from the width of the neutral
 face. +y is up, +z out of the face.
@@ -120,7 +119,6 @@ class FaceWarehouse(FileFaces):
     def __init__(
         self,
         root: Path | str,
-        *,
         unit: str = "auto",
         axes: str = "auto",
         steps: int = 1,

@@ -85,8 +85,7 @@ class Folder(FileFaces):
     Args:
         unit, axes, rotation_deg: see ``load_mesh``. For "auto", they are found on the first valid
             mesh of a subject and used for all its meshes, so that a sequence does not jump.
-        overrides: path of a mesh or folder below ``root`` -> its unit and pose; the longest path
-            counts.
+        overrides: path of a mesh or folder below ``root`` -> unit and pose; the longest counts.
     """
 
     name = "folder"

@@ -92,7 +92,6 @@ class MorphableModel:
         basis: (1 + 100 + E, V * 3) float32: mean face, identity modes, expression shapes; a memory
             map of the cache file, shared by all processes of the machine.
         expressions: names of the E shapes, in the order of the rows.
-        topology: triangles, regions and landmarks.
     """
 
     basis: NDArray[np.float32]
@@ -155,9 +154,7 @@ class IctFaceKit(GeneratedFaces[NDArray[np.float32]]):
 
     Raises ConfigError for a missing or incomplete model; ``load`` MeshError for a damaged file.
 
-    Args:
-        root: the cloned repository or its FaceXModel folder; read once, then cached.
-        seed, frames_per_sequence, frames_per_second: see ``GeneratedFaces``.
+    ``root``: the cloned repository or its FaceXModel folder; read once, then cached.
     """
 
     name = "ict-facekit"

@@ -21,8 +21,7 @@ from glsim.faces.people.load import load_model
 from glsim.faces.people.model import REGIONS, BodyModel
 from glsim.faces.people.subject import BodySubject
 
-#: A vertex's share of the head's turn falls to 0 between these two |x|, mm. Chosen: they are beside
-#: the hair.
+#: A vertex's share of the head's turn falls to 0 between these |x|, mm. Chosen: beside the hair.
 _ASIDE_MM: Final = (130.0, 190.0)
 
 
@@ -63,7 +62,6 @@ class People(GeneratedFaces[BodySubject]):
     The mesh is always the whole person. Raises ConfigError without anny.
 
     Args:
-        seed, frames_per_sequence, frames_per_second: see ``GeneratedFaces``.
         framing: point of the body at the origin of the mesh, and so at ``pose.distance_mm``.
             "face": the head is upright in the canonical frame, and the body turns under it. "bust":
             base of the neck, "body": middle of the body; the body stands upright.

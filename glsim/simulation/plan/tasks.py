@@ -30,11 +30,9 @@ class Task:
     """One frame to simulate: its name, source, split and seeds.
 
     Attributes:
-        index: position in the data set.
         split: train, val or test.
         subject: name in the data set; the source's number precedes it if there are several.
         source: index in ``settings.source``.
-        key: the frame's name in that source.
         repeat: number of earlier uses of the mesh, if a subject from files has fewer meshes than
             frames. Each use is a sequence of its own, with its own pose, distance and noise.
     """

@@ -11,9 +11,7 @@ from glsim.faces.face_source import BadFace, Face
 from glsim.faces.sources.biwi import PEOPLE, Biwi
 from tests.support.face_sets import (
     FACE,
-    OTHERS,
     all_keys,
-    needs_others,
     pose_text,
     put,
     write_recording,
@@ -73,12 +71,3 @@ def test_faces_that_look_away_or_are_damaged_are_skipped(tmp_path: Path) -> None
     reasons = [str(result.error) for result in results if isinstance(result, BadFace)]
     assert "looks away" in reasons[0]
     assert "02.obj: cannot be read" in reasons[1]
-
-
-@needs_others
-def test_a_whole_tree() -> None:
-    root = OTHERS / "hpdb"
-    source = Biwi(root)
-    (face,) = source.load(all_keys(source))
-    assert isinstance(face, Face)
-    assert face.key.subject == "F01"

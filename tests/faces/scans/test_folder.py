@@ -35,19 +35,9 @@ def _write(path: Path, *, scale: float = 1.0, axes: str = "+x+y+z", up_mm: float
 
 
 def test_names_of_subjects_sequences_and_frames(tmp_path: Path) -> None:
-    for name in (
-        "Joe/1+2/1+2_150.ply",
-        "Joe/1+2/1+2_156.ply",
-        "Joe/4/deep/x10.ply",
-        "Joe/4/deep/x9.ply",
-        "Joe/rest.stl",
-        "s10/a.obj",
-        "s2/a.obj",
-        "s2/b.obj",
-        "alone.obj",
-        ".hidden/a.obj",
-        "s2/.a.obj",
-    ):
+    names = "Joe/1+2/1+2_150.ply Joe/1+2/1+2_156.ply Joe/4/deep/x10.ply Joe/4/deep/x9.ply"
+    names += " Joe/rest.stl s10/a.obj s2/a.obj s2/b.obj alone.obj .hidden/a.obj s2/.a.obj"
+    for name in names.split():
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.touch()
@@ -67,10 +57,8 @@ def test_names_of_subjects_sequences_and_frames(tmp_path: Path) -> None:
         ("4-deep", 10, "Joe/4/deep/x10.ply"),
     ]
     assert [k.time_s for k in source.frames("Joe", 3)] == [0.0, 0.0, pytest.approx(0.1)]
-    assert [(k.frame, k.path) for k in source.frames("s2", None)] == [
-        (0, "s2/a.obj"),
-        (1, "s2/b.obj"),
-    ]
+    s2 = [(k.frame, k.path) for k in source.frames("s2", None)]
+    assert s2 == [(0, "s2/a.obj"), (1, "s2/b.obj")]
 
 
 def test_odd_names_become_safe_unique_words(tmp_path: Path) -> None:
