@@ -11,7 +11,7 @@ from glsim.cli import main
 from glsim.eval.paper.ours_beside_printed import read_case
 from glsim.eval.paper.printed_values import PRINTED_NETWORKS
 from glsim.eval.paper.reproduce import load_plan
-from glsim.simulation.plan.split import PAPER_IMAGES, split_as_paper
+from glsim.simulation.plan.split import PAPER_IMAGES
 from tests.support.face_sets import write_tree
 
 TINY = """
@@ -103,16 +103,8 @@ def test_shipped_plans_train_every_row_in_every_case(
         assert {recipe.data.protocol for recipe in recipes} == {protocol}
     assert trained == 0
     assert plan.data_settings("as-noisy", {}).output.clean_mask == "as-noisy"
-
-
-def test_the_full_plan_has_the_papers_numbers() -> None:
-    plan = load_plan("full")
-    people, each = plan.subjects, plan.frames_per_subject
-    assert people * each == plan.images == sum(PAPER_IMAGES)
-    assert plan.data_settings("dense", {}).split == "paper"
-    split = list(split_as_paper({f"{n:04d}": each for n in range(people)}, 1).values())
-    for name, wanted in zip(("train", "val", "test"), PAPER_IMAGES, strict=True):
-        assert split.count(name) * each == pytest.approx(wanted, abs=each / 2)
+    if size == "full":
+        assert plan.subjects * plan.frames_per_subject == plan.images == sum(PAPER_IMAGES)
 
 
 def test_face_sets_enter_the_plan(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -74,9 +74,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_report_has_a_table_a_part(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(
-        "glsim.eval.report.results.example_frame", lambda job: None
-    )  # drawn in other tests
+    monkeypatch.setattr("glsim.eval.report.results.example_frame", lambda job: None)
     out = tmp_path / "o"
     command = ["eval", str(dataset), "-d", "noisy", "-d", "median", "-o", str(out), "-q"]
     assert main([*command, "--workers", "1"]) == 0

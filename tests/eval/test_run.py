@@ -12,8 +12,7 @@ import pytest
 
 from glsim.cli import main
 from glsim.core.errors import ConfigError, DatasetError
-from glsim.denoise.registry import PAPER_FILTERS
-from glsim.eval.metrics.frame_score import METRICS, score
+from glsim.eval.metrics.frame_score import score
 from glsim.eval.metrics.scored_map import Truth
 from glsim.eval.report.results import example_frame
 from glsim.eval.report.score_tables import format_number
@@ -196,10 +195,8 @@ def test_tables_say_the_same(pairs: Path, tmp_path: Path) -> None:
     assert main(command) == 0
     with (out / "table.csv").open() as file:
         table = {(row["method"], row["metric"]): row for row in csv.DictReader(file)}
-    assert len(table) == len(PAPER_FILTERS) * len(METRICS)
     mse = table["median", "mse_mm2"]
     assert float(mse["low_95"]) <= float(mse["mean"]) <= float(mse["high_95"])
-    assert mse["frames"] == "12"
     assert table["adaptive", "mse_mm2"]["mean"] == table["noisy", "mse_mm2"]["mean"]
     assert int(table["noisy", "filled_rmse_mm"]["undefined"]) == 12
     text = (out / "table.md").read_text()
