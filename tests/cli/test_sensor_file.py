@@ -93,25 +93,17 @@ def test_changed_code_is_saved_beside_it(tmp_path: Path) -> None:
     from glsim.sensors.sensor import StageChange
 
     settings = load_settings(overrides={"sensor": str(own)})
-    settings = settings.model_copy(
-        update={"stage": with_assignments(settings, {"first.amount_mm": 2.0}).stage}
-    )
-    sensor = sensor_of(
-        settings,
-        [
-            StageChange(name, shader_stage(Path(f"{name}.glsl"), code.text), code.before)
-            for name, code in changes.items()
-        ],
-    )
+    stage = with_assignments(settings, {"first.amount_mm": 2.0}).stage
+    changed = [
+        StageChange(name, shader_stage(Path(f"{name}.glsl"), code.text), code.before)
+        for name, code in changes.items()
+    ]
+    sensor = sensor_of(settings.model_copy(update={"stage": stage}), changed)
     target = tmp_path / "to" / "saved.toml"
     target.parent.mkdir()
     written = save_sensor(tuning, sensor, target)
-    assert [path.name for path in written] == [
-        "saved.toml",
-        "saved_axial.glsl",
-        "saved_first.glsl",
-        "saved_last.glsl",
-    ]
+    codes = [f"saved_{name}.glsl" for name in ("axial", "first", "last")]
+    assert [path.name for path in written] == ["saved.toml", *codes]
     saved = load_sensor(str(target))
     assert [s.name for s in saved.stages] == ["first", "axial", "loud", "last"]
     assert [dict(s.settings) for s in saved.stages] == [dict(s.settings) for s in sensor.stages]

@@ -42,15 +42,8 @@ def opencv_lens(lens: Distortion) -> np.ndarray:
     return np.array([lens.k1, lens.k2, lens.p1, lens.p2, lens.k3])
 
 
-cameras = st.builds(
-    Intrinsics,
-    st.integers(8, 200),
-    st.integers(8, 200),
-    st.floats(100, 900),
-    st.floats(100, 900),
-    st.floats(-50, 750),
-    st.floats(-50, 750),
-)
+side, focal, centre = st.integers(8, 200), st.floats(100, 900), st.floats(-50, 750)
+cameras = st.builds(Intrinsics, side, side, focal, focal, centre, centre)
 
 
 @settings(max_examples=30)

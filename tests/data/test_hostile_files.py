@@ -348,13 +348,9 @@ QUICK = {".ply", ".glb", ".png", ".npy", ".bag"}
 #: Readers that share the code of another.
 SAME = {
     ".tif": ".tiff",
-    ".bin": ".depth",
-    ".raw": ".depth",
-    ".ir": ".depth",
-    "camera_intrinsic.json": "intrinsic.json",
-    "associations.txt": "depth.txt",
-    "associated.txt": "depth.txt",
-    "cameras": "intrinsic.json",
+    **dict.fromkeys((".bin", ".raw", ".ir"), ".depth"),
+    **dict.fromkeys(("camera_intrinsic.json", "cameras"), "intrinsic.json"),
+    **dict.fromkeys(("associations.txt", "associated.txt"), "depth.txt"),
     "intrinsic/intrinsic_depth.txt": "depth.cal",
 }
 

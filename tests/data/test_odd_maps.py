@@ -270,12 +270,8 @@ def test_words_of_names_decide_with_any_separator_before_the_format(tmp_path: Pa
     """What renderers and label tools write beside the depth; the depth may be the TIFF files."""
     picture = np.zeros((32, 40, 3), np.uint8)
     for number in range(2):
-        for name in (
-            f"{number:05d}-color",
-            f"{number}.normal",
-            f"instance_{number}",
-            f"{number}_seg",
-        ):
+        names = f"{number:05d}-color {number}.normal instance_{number} {number}_seg"
+        for name in names.split():
             cv2.imwrite(str(tmp_path / f"{name}.png"), picture)
         cv2.imwrite(str(tmp_path / f"depth_{number}.tiff"), UNITS)
         np.save(tmp_path / f"{number}_infrared_right.npy", UNITS)
@@ -384,11 +380,8 @@ def test_cameras_of_bop_and_open3d_are_read_and_others_named(tmp_path: Path) -> 
     assert near(recording.frames[0].noisy_mm)
     assert recording.camera == Intrinsics(40, 32, 60.0, 61.0, 20.0, 16.0)
     bop.unlink()
-    columns = {
-        "width": 40,
-        "height": 32,
-        "intrinsic_matrix": [60.0, 0, 0, 0, 61.0, 0, 19.5, 15.5, 1],
-    }
+    by_columns = [60.0, 0, 0, 0, 61.0, 0, 19.5, 15.5, 1]
+    columns = {"width": 40, "height": 32, "intrinsic_matrix": by_columns}
     (tmp_path / "intrinsic.json").write_text(json.dumps(columns))
     assert open_maps(tmp_path).camera == recording.camera
     (tmp_path / "intrinsic.json").rename(tmp_path / "my_camera.json")

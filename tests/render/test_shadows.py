@@ -115,14 +115,9 @@ def test_no_light_leaks_in_the_walk_of_the_fast_sensor(context: Context) -> None
         for gap_m in GAPS_M:
             scene = strip_and_wall(front_m, front_m + gap_m)
             clean = layers_of(context, renderer, scene)["clean"]
-            frame = FrameContext.for_frame(
-                rig=rig,
-                window=Rect(0, 0, IMAGE.width, IMAGE.height),
-                seed=1,
-                sequence_seed=1,
-                device_seed=1,
-                nearest_m=0.95 * front_m,
-            )
+            seeds = dict.fromkeys(("seed", "sequence_seed", "device_seed"), 1)
+            near_m, window = 0.95 * front_m, Rect(0, 0, IMAGE.width, IMAGE.height)
+            frame = FrameContext.for_frame(rig=rig, window=window, nearest_m=near_m, **seeds)
             lit = tof_shadow(frame.view("tof_shadow"), {"clean": clean}, values)["lit"]
             dark = umbra(front_m, front_m + gap_m, 0.001 * values["spread_mm"], rays)
             looked_at += dark.sum()

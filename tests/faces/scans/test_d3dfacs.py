@@ -12,10 +12,8 @@ from glsim.faces.sources.d3dfacs import D3dfacs, action_units, deformation
 from tests.support.face_models import analytic_face
 from tests.support.face_sets import (
     FACE,
-    OTHERS,
     TRIANGLES,
     all_keys,
-    needs_others,
     obj_bytes,
     ply_bytes,
     put,
@@ -130,11 +128,3 @@ def test_a_face_that_is_wrong_is_refused(tmp_path: Path, turn: str, scale: float
     if scale == 0.001:
         right = D3dfacs(tmp_path, axes=turn)
         assert all(isinstance(face, Face) for face in right.load(all_keys(right)))
-
-
-@needs_others
-def test_a_whole_tree() -> None:
-    source = D3dfacs(OTHERS / "d3dfacs_alignments")
-    faces = list(source.load(all_keys(source)))
-    assert [face.key.frame for face in faces] == [150, 151]
-    assert all(isinstance(face, Face) and len(face.mesh.vertices_mm) > 400 for face in faces)

@@ -15,11 +15,9 @@ from glsim.faces.sources.facewarehouse import (
 )
 from tests.support.face_sets import (
     FACE,
-    OTHERS,
     all_keys,
     blend_shapes,
     good_faces,
-    needs_others,
     obj_bytes,
     put,
     quads,
@@ -129,13 +127,3 @@ def test_wrong_roots(tmp_path: Path) -> None:
         FaceWarehouse(tmp_path).subjects(2)
     with pytest.raises(ConfigError, match=r"no subject 'Tester_2' \(did you mean 'Tester_1'"):
         FaceWarehouse(tmp_path).frames("Tester_2", None)
-
-
-@needs_others
-def test_a_whole_tree() -> None:
-    source = FaceWarehouse(OTHERS / "FaceWarehouse")
-    keys = all_keys(source)
-    assert len(keys) == 2 * (47 + 2)
-    faces = good_faces(source, keys)
-    assert len({id(face.mesh.faces) for face in faces}) == 1
-    assert 80 < float(str(faces[0].notes["unit"]).split()[0]) < 125
