@@ -21,7 +21,7 @@ def maps(
     disparity = 626_813 / np.linspace(900, 1500, size[0] * size[1]).reshape(size)
     noise = np.random.default_rng(1).standard_normal(size)
     if width_px:
-        noise = cv2.GaussianBlur(noise, (0, 0), width_px)
+        noise = np.asarray(cv2.GaussianBlur(noise, (0, 0), width_px), np.float64)
     disparity += px * 32 * noise / noise.std()
     depth_mm = 626_813 / (np.rint(disparity) if lattice else disparity)  # steps of 1/32 px
     folder.mkdir(exist_ok=True)
