@@ -6,7 +6,8 @@ learns the mean. What n is like is measured between two frames of one still view
 from single frames; another still pair, which the training does not see, decides when it stops.
 """
 
-from collections.abc import Sequence
+import copy
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
 
@@ -21,7 +22,7 @@ from glsim.core.files.atomic import write_atomic
 from glsim.denoise.inference import TorchNetwork, record_of
 from glsim.denoise.registry import shipped_file
 from glsim.measures.depth_noise import still_difference
-from glsim.measures.static import static_pairs
+from glsim.measures.static import view_change
 from glsim.networks.network import NetworkFunction
 from glsim.networks.onnx_file import OpenCvNetwork, read_onnx
 from glsim.train.models.base import channels_last, named_outputs
@@ -103,12 +104,14 @@ def adapt(
     network: str,
     steps: int,
     seed: int = 0,
+    announce: Callable[[str], None] = lambda _: None,
 ) -> Adaptation:
     """Fine-tune a shipped network on noisy frames of one camera, and write it as ONNX.
 
     Args:
         frames: noisy frames as measured, with at least two disjoint pairs of one still view each.
         network: name of a shipped network that sees one frame.
+        announce: called with a line at the start and after each look at the held-back pair.
 
     Returns:
         What the held-back pair says.
@@ -116,7 +119,7 @@ def adapt(
     Raises:
         TrainError: fewer than two still pairs, or the held-back pair does not come nearer.
     """
-    pairs = _disjoint(static_pairs(frames))
+    pairs = _still_pairs(frames)
     if len(pairs) < 2:
         raise TrainError(
             f"{2 * len(pairs)} of the {len(frames)} frames show a still view in pairs: record at "
@@ -129,7 +132,11 @@ def adapt(
     judge = _Judge(frames[held[0]], frames[held[1]])
     before = best = judge.mean_square(model)
     optimiser = torch.optim.Adam(model.parameters(), lr=_RATE)
-    data, at = b"", 0
+    weights, at = copy.deepcopy(model.state_dict()), 0
+    raw_mm, before_mm = _root(judge.raw), _root(before)
+    announce(
+        f"adapting {network}: the held-back pair is {before_mm:.3g} mm apart, raw {raw_mm:.3g}"
+    )
     for step in range(1, steps + 1):
         model.train()
         crops = [_crop(maps, rng) for _ in range(_BATCH)]
@@ -146,20 +153,22 @@ def adapt(
         loss.backward()
         torch.nn.utils.clip_grad_norm_(model.parameters(), 5.0)
         optimiser.step()
-        if step % _LOOK_EVERY == 0 and (score := judge.mean_square(model)) < best:
-            best, at = score, step
-            data = onnx_bytes(model.eval(), out, record_of(model))
+        if step % _LOOK_EVERY == 0:
+            score = judge.mean_square(model)
+            announce(f"step {step}/{steps}: {_root(score):.3g} mm")
+            if score < best:
+                best, at, weights = score, step, copy.deepcopy(model.state_dict())
         if step - at >= _PATIENCE:
             break
-    raw_mm, before_mm, after_mm = (max(v, 0.0) ** 0.5 for v in (judge.raw, before, best))
-    result = Adaptation(raw_mm, before_mm, after_mm, at)
+    result = Adaptation(raw_mm, before_mm, _root(best), at)
     if best > before * (1 - _LEAST_GAIN):
         raise TrainError(
             f"the held-back still frames stay {result.before_mm:.3g} mm from each other's mean "
             f"after {step} steps: {network} fits this camera already; nothing is written"
         )
+    model.load_state_dict(weights)
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_atomic(data, out)
+    write_atomic(onnx_bytes(model.eval(), out, record_of(model)), out)
     return result
 
 
@@ -181,13 +190,18 @@ class _Judge:
         return float(np.nanmean((moved - self._difference) ** 2)) - self.raw
 
 
-def _disjoint(pairs: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Select pairs without a common frame, in order."""
-    chosen: list[tuple[int, int]] = []
-    for pair in pairs:
-        if not any({*pair} & {*other} for other in chosen):
-            chosen.append(pair)
-    return chosen
+def _still_pairs(frames: Sequence[DepthFrame]) -> list[tuple[int, int]]:
+    """Find pairs of successive frames of one view, without a common frame; parts may move."""
+    pairs: list[tuple[int, int]] = []
+    for n in range(1, len(frames)):
+        free = not pairs or pairs[-1][1] < n - 1
+        if free and not view_change(frames[n - 1], frames[n], parts=False):
+            pairs.append((n - 1, n))
+    return pairs
+
+
+def _root(mean_square: float) -> float:
+    return float(max(mean_square, 0.0) ** 0.5)
 
 
 def _load(network: str) -> MaskAware:

@@ -11,7 +11,7 @@ from glsim.cli.common import check_outputs, print_message
 from glsim.core.errors import CPU_TORCH, ConfigError, TrainError
 
 EXAMPLES = """
-glsim adapt recording/ -o mine.onnx                half a minute of one core
+glsim adapt recording/ -o mine.onnx                two minutes of one core
 glsim denoise recording/ -o denoised/ -d mine.onnx
 glsim eval-real recording/ -d face -d mine.onnx    is it better?
 """
@@ -55,8 +55,7 @@ def adapt(
     network = denoiser or choose_network(frames)[0]
     if network not in NETWORKS or network == "face-video":
         raise ConfigError(f"-d {network}: give a shipped network that sees one frame")
-    print_message(f"adapting {network} in {steps} steps")
-    done = adapt_network(frames.read(), out, network, steps, seed)
+    done = adapt_network(frames.read(), out, network, steps, seed, print_message)
     print_message(
         f"wrote {out}: a held-back still frame lies {done.after_mm:.2f} mm from the other's mean "
         f"after {done.steps} steps, by {network} {done.before_mm:.2f}, raw {done.raw_mm:.2f}"

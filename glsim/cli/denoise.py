@@ -56,8 +56,8 @@ def denoise(
     Args:
         noisy: Depth maps (16-bit PNG or TIFF, .npy, .exr), folders, or a glob pattern.
         out: The denoised map, or a folder for them.
-        denoiser: A name of glsim eval --list, or a checkpoint. Default: the network of the camera
-            that camera.toml, the data set, or the maps' size and values show, else face.
+        denoiser: A name of glsim eval --list, or a checkpoint. Default: the shipped network that
+            fits the noise of the maps.
         infrared: 16-bit infrared PNG, or a folder of them named as the maps, for functions that
             use it. Default: those beside the maps.
         uncertainty: PNG (or folder) for the standard deviation of each depth in steps of 0.01 mm,

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 EXAMPLES = """
 glsim generate -o data --subjects 10 --frames-per-subject 30
 glsim generate -o data --source ict-facekit --root FaceXModel --set output.crop=128
-glsim generate -o data --source folder --root scans --frames-per-subject 20
+glsim generate -o data --source folder --root scans --preset heads --set appearance.wear=auto
 glsim generate -o data --set output.layers=clean,noisy --set split=0.8,0.1,0.1
 glsim generate -o data --sensor kinect-v1 --set 'pose.yaw_deg={uniform=[-30,30]}'
 glsim generate -o data --preset office --subjects 200 --plan
@@ -85,8 +85,8 @@ def generate(
             biwi, or one of an installed package. Default: procedural.
         root: Folder of the meshes or of the face model. Default: none.
         subjects: Number of people. Default: all of a folder, else 10.
-        frames_per_subject: Frames per person; a folder's meshes are used again, with other poses
-            and noise. Default: all of a folder, else 30.
+        frames_per_subject: Frames per person; a folder's meshes are used again, with other
+            noise, and other poses if settings draw them. Default: all of a folder, else 30.
         plan: Print the number of images, and size and time measured on a dozen of them; write
             nothing.
         part: Make only the chunks whose number modulo N is I (from 0, or from 1 to N); the last
