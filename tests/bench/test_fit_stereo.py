@@ -154,7 +154,8 @@ def test_a_changed_sensor_comes_back(context: Context, tmp_path: Path) -> None:
         found, planted_share = (share(list(with_nan(encoded(s)))) for s in (again, shot))
         assert found == pytest.approx(planted_share, rel=0.5)
     assert own.frame == pytest.approx(real.frame, rel=0.3)
-    assert own.static == pytest.approx(real.static, rel=0.25)
+    # The share of the surfaces' own texture is drawn per device, and with it the static error.
+    assert own.static == pytest.approx(real.static, rel=0.4)
     assert own.residual == pytest.approx(real.residual, rel=0.35)
     np.testing.assert_allclose(own.frame_rows[:5], real.frame_rows[:5], atol=0.12)
     np.testing.assert_allclose(own.frame_columns[:5], real.frame_columns[:5], atol=0.12)

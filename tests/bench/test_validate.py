@@ -190,7 +190,7 @@ def test_too_much_noise_is_found_out(context: Context, tmp_path: Path) -> None:
         ("rim_px = 0\nborder_px = 0", {"7", "8"}),
         ("support_px = 1\nwindow_px = 3", {"1", "2"}),
         pytest.param("texture_counts = 6.0", {"10"}, marks=pytest.mark.long),
-        pytest.param("uniqueness_percent = 40", {"11"}, marks=pytest.mark.long),
+        pytest.param("uniqueness_percent = 80", {"11"}, marks=pytest.mark.long),
         pytest.param(
             "depth_unit_mm = 1\ndevice_sigma_px = 0.3\ndevice_grain_px = 2",
             {"3"},

@@ -86,7 +86,7 @@ def test_a_fit_and_a_validation(here: Path, capsys: pytest.CaptureFixture[str]) 
     write_static_pair(here / "recording", scene(), 1.6)
     found = printed(capsys, "fit", "recording", "-o", "mine.toml")
     assert found["sensor"] == "mine.toml"
-    assert "floor of the temporal noise" in found["results"]
+    assert "base" in found["results"]
     assert main(["validate", "kinect-v2-paper", "--frames", "8", "--json", "-"]) in (0, 1)
     assert isinstance(json.loads(capsys.readouterr().out), dict)
 
