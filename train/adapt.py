@@ -13,6 +13,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from glsim.core.array_types import Array, Depth
 from glsim.core.depth_frame import DepthFrame
@@ -33,7 +34,7 @@ from glsim.train.recipe import load_recipe
 from glsim.train.run_setup import read_start
 from glsim.train.state import copy_weights
 
-#: Share of the noise that is added to the input: a quarter more variance than in use. Chosen.
+#: A: share of the noise that is added to the input, whose variance is then 1.25 times. Chosen.
 _A: Final = 0.5
 #: Crops a step, their side, px, learning rate, steps between two looks at the held-back pair, and
 #: steps without an improvement that end the training. With a rate of 3e-4 the pair of a simulated
@@ -41,15 +42,17 @@ _A: Final = 0.5
 _BATCH, _CROP_PX, _RATE, _LOOK_EVERY, _PATIENCE = 8, 64, 1e-4, 25, 75
 #: Least share of measured pixels in a crop, and of known noise in the window it is drawn from.
 _LEAST_SHARE: Final = 0.5
-#: The held-back pair must come nearer by this share, or nothing is written: more than the spread
-#: of two trainings. Chosen.
+#: The held-back pair must come nearer by this share, or nothing is written. Chosen.
 _LEAST_GAIN: Final = 0.01
 #: Ratio of the bounds of a distance bin of the noise's size, and least number of its pixels.
 _BIN_RATIO, _LEAST_PIXELS = 1.15, 200
 
 
 class Adaptation(NamedTuple):
-    """Root mean square distance of a held-back still frame from the other's mean, mm, and steps."""
+    """RMS distance of a denoised held-back frame from the mean of its still view, mm; and steps.
+
+    ``raw_mm``: of the noisy frame; ``before_mm``, ``after_mm``: by the network before and after.
+    """
 
     raw_mm: float
     before_mm: float
@@ -58,7 +61,7 @@ class Adaptation(NamedTuple):
 
 
 class MeasuredNoise:
-    """The noise of still pairs: its size by distance, and maps of it to draw from."""
+    """Noise between still frames: standard deviation by distance, and maps to draw from."""
 
     def __init__(self, frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> None:
         """Measure the noise of pairs of frame numbers. Raises TrainError for too few pixels."""
@@ -139,18 +142,9 @@ def adapt(
     )
     for step in range(1, steps + 1):
         model.train()
-        crops = [_crop(maps, rng) for _ in range(_BATCH)]
-        drawn = [noise.draw(crop, rng) for crop in crops]
-        depth, z, size = (
-            torch.from_numpy(np.stack(images).astype(np.float32))[:, None]
-            for images in (crops, drawn, [noise.size_mm(crop) for crop in crops])
-        )
-        target = depth - z / _A
-        error = model(torch.where(depth > 0, depth + _A * z, 0.0)).depth_mm - target
-        known = (depth > 0) & (error.detach().abs() < FLYING_MM + z.abs() / _A)
-        loss = (error[known] / size[known]).square().mean()
+        loss = _recorrupted_loss(model, noise, [_crop(maps, rng) for _ in range(_BATCH)], rng)
         optimiser.zero_grad()
-        loss.backward()
+        loss.backward()  # type: ignore[no-untyped-call]  # it has no annotations
         torch.nn.utils.clip_grad_norm_(model.parameters(), 5.0)
         optimiser.step()
         if step % _LOOK_EVERY == 0:
@@ -170,6 +164,21 @@ def adapt(
     out.parent.mkdir(parents=True, exist_ok=True)
     write_atomic(onnx_bytes(model.eval(), out, record_of(model)), out)
     return result
+
+
+def _recorrupted_loss(
+    model: MaskAware, noise: MeasuredNoise, crops: Sequence[Depth], rng: np.random.Generator
+) -> Tensor:
+    """Compute the mean square error, in variances of the noise, on recorrupted square crops."""
+    images = [noise.draw(crop, rng) for crop in crops], [noise.size_mm(crop) for crop in crops]
+    depth, z, size = (
+        torch.from_numpy(np.stack(parts).astype(np.float32))[:, None] for parts in (crops, *images)
+    )
+    target = depth - z / _A
+    error = model(torch.where(depth > 0, depth + _A * z, 0.0)).depth_mm - target
+    known = (depth > 0) & (error.detach().abs() < FLYING_MM + z.abs() / _A)
+    loss: Tensor = (error[known] / size[known]).square().mean()
+    return loss
 
 
 class _Judge:

@@ -11,7 +11,7 @@ from glsim.cli.common import check_outputs, print_message
 from glsim.core.errors import CPU_TORCH, ConfigError, TrainError
 
 EXAMPLES = """
-glsim adapt recording/ -o mine.onnx                two minutes of one core
+glsim adapt recording/ -o mine.onnx                three minutes of one core
 glsim denoise recording/ -o denoised/ -d mine.onnx
 glsim eval-real recording/ -d face -d mine.onnx    is it better?
 """
@@ -29,8 +29,7 @@ def adapt(
 
     Record at least four frames with camera and scene at rest, which show the noise, and then what
     you like. One still pair is held back: if it does not come nearer, nothing is written. Take the
-    network for the scenes that you recorded: simulated heads come out 5 to 8 % worse after an
-    adaptation to a room.
+    network for scenes like those that you recorded; it may be worse on others.
 
     Args:
         recording: Depth maps of the camera: a folder, a bag, ...
