@@ -72,8 +72,13 @@ _VALUES: Final[dict[str, Callable[[ScoredMap], float]]] = {
 
 
 def _shipped() -> Iterator[Metric]:
-    numbers = {"psnr_max": PSNR_MAX_MM, "flying": FLYING_MM, "good": _GOOD_DEG, "band": BAND_PX}
-    numbers["beside"] = BESIDE_PX
+    numbers = {
+        "psnr_max": PSNR_MAX_MM,
+        "flying": FLYING_MM,
+        "good": _GOOD_DEG,
+        "band": BAND_PX,
+        "beside": BESIDE_PX,
+    }
     for name, (unit, better, group, text) in DESCRIPTIONS["metrics"].items():
         made: dict[str, tuple[Direction, str, Any]] = {name: (better, text, _VALUES.get(name))}
         if name == "ssim":
@@ -85,12 +90,11 @@ def _shipped() -> Iterator[Metric]:
             made = {
                 f"{base}_{'' if part == 'all' else f'{part}_'}{key}_mm": (
                     way,
-                    f"{words} where {where}{which}",
+                    f"{words} where {where}{DESCRIPTIONS['parts'][part]}",
                     partial(lambda b, a, k, p: p.statistics(b, a)[k], base, part, key),
                 )
                 for base, where in DESCRIPTIONS["bases"].items()
-                for part, which in DESCRIPTIONS["parts"].items()
-                if part in ("all", *{"input": (part,), "both": ("interior", "edge")}.get(base, ()))
+                for part in DESCRIPTIONS["parts_of_bases"][base]
                 for key, (way, words) in DESCRIPTIONS["statistics"].items()
             }
         for full, (way, help_, value) in made.items():
