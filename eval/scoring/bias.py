@@ -68,7 +68,7 @@ def bias_bins(depth: NDArray[np.floating] | Depth, truth: Truth) -> BinSums:
 
 
 def add_bias(total: BiasSums, method: str, subject: str, bins: Mapping[str, list[float]]) -> None:
-    """Add bins of distance, bin -> [sum of errors, number of pixels], to sums, in place."""
+    """Add a frame's bins of distance to the totals: bin -> [sum of errors, mm, pixels]."""
     known = total.setdefault(method, {}).setdefault(subject, {})
     for edge, (error, pixels) in bins.items():
         before = known.get(edge, [0.0, 0])

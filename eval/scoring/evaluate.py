@@ -49,7 +49,7 @@ class ScoringProgress:
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Result of ``evaluate``; ``bad`` counts frames, and pairs of frame and method, unscored."""
+    """Scores of all methods; ``bad``: number of frames, and of a frame's methods, that failed."""
 
     summary: ScoreSummary
     baselines: ScoreSummary

@@ -74,7 +74,7 @@ def _place(band: Band, value: float) -> float:
 
 
 def _relief(depth_mm: NDArray[np.float32]) -> NDArray[Any]:
-    """Subtract the mean of the depth around each pixel; NaN without depth."""
+    """Compute relief, depth minus its mean in a window around the pixel, mm; NaN without depth."""
     known, size = (depth_mm > 0).astype(np.float64), (_WINDOW_PX, _WINDOW_PX)
     mean = cv2.blur(depth_mm * known, size) / np.maximum(cv2.blur(known, size), 1e-9)
     return np.where(known > 0, depth_mm - mean, np.nan)

@@ -113,7 +113,7 @@ def depth_edge(near_mm: float, far_mm: float) -> Mesh:
 
 
 def occluder(near_mm: float, far_mm: float, half_mm: float, albedo: float = 1.0) -> Mesh:
-    """Build a square on the axis, of half a side ``half_mm``, in front of a wall."""
+    """Build the mesh of a square target before a wall; its side is 2 ``half_mm``, on the axis."""
     square = rectangle((-half_mm, half_mm), (-half_mm, half_mm), near_mm, albedo)
     return merge_meshes(square, wall(far_mm, albedo))
 

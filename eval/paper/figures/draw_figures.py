@@ -35,7 +35,7 @@ _FIGURES: Final[dict[str, dict[str, Any]]] = read_toml(Path(__file__).with_name(
 def write_paper_figures(
     reproduction: Path, drawing: Callable[[str], None] = lambda _: None
 ) -> list[Path]:
-    """Draw the figures from REPRODUCTION/data and its networks; return the written files.
+    """Draw the paper's figures from a reproduction's data and networks; return the written files.
 
     Writes REPRODUCTION/paper_figures/figure_1.png to figure_6.png, captions.md, and
     paper_figures.html with all of them. Networks are those of the judged case, else those of

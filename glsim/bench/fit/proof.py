@@ -29,9 +29,9 @@ _ROWS = (
 
 @dataclass(frozen=True)
 class Proof:
-    """A table of recording, base and fitted sensor.
+    """Lines of a table: how well replays through base and fitted sensor match unseen frames.
 
-    ``better``: whether the fitted sensor is told less than its base by two standard errors.
+    ``better``: whether the fitted sensor's AUC is lower than its base's by two standard errors.
     """
 
     lines: tuple[str, ...]

@@ -18,7 +18,7 @@ COLUMNS = ("#", "check", "measured", "band", "source", "kind", "", "note")
 
 @dataclass(frozen=True)
 class Band:
-    """Interval, in ``unit``, in which a measured number must lie; its ``key`` names the number."""
+    """Published interval, in ``unit``, for the measured number named ``key``."""
 
     key: str
     low: float

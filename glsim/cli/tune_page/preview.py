@@ -47,7 +47,7 @@ _PLACE = re.compile(r"(?P<file>[^\s;:]+\.\w+):(?P<line>\d+):\s*")
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """A drawn frame of a tuning."""
+    """A frame that the tuner's page shows: its settings, sensor, number of frames and time, ms."""
 
     tuning: Tuning
     frame: Frame

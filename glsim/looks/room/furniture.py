@@ -81,7 +81,7 @@ def make_thing(
 def _parts(
     rng: Rng, name: str, scale: Points, clutter: float, albedos: dict[str, float]
 ) -> list[Shape]:
-    """Make the shapes of all parts of a piece of furniture, with (3,) factors of its size.
+    """Build the shapes of a piece of furniture; ``scale``: (3,) factors of its size.
 
     ``clutter``: share of possible small objects, 0 to 1. ``albedos``: of materials; grows.
     """
