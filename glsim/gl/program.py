@@ -62,11 +62,14 @@ class MeshPrograms(NamedTuple):
             set_matrix(program, name, matrix)
 
 
-def link_meshes(context: moderngl.Context, fragment: str, vertex: str) -> MeshPrograms:
+def link_meshes(
+    context: moderngl.Context, fragment: str, vertex: str, samples: int = 1
+) -> MeshPrograms:
     """Link the programs that draw meshes, from paths below shaders/. Raises ShaderError."""
     sources = load_source(SHADER_ROOT / fragment), load_source(SHADER_ROOT / vertex)
-    strands = (source.with_defines(STRANDS=1) for source in sources)
-    return MeshPrograms(link(context, *sources), link(context, *strands))
+    strands = sources[0].with_defines(STRANDS=1, SAMPLES_PER_AXIS=samples)
+    sheets = link(context, strands, sources[1].with_defines(STRANDS=1))
+    return MeshPrograms(link(context, *sources), sheets)
 
 
 def link_files(

@@ -14,7 +14,7 @@ from glsim.looks.binding import Hair, Rooted
 from glsim.looks.locks import LOST_MM, Head, Obstacle, Sheet, combed, hanging, strands_of, tied
 from glsim.looks.noise import smooth_noise
 from glsim.looks.skin_grid import Anchors, make_grid, thinned
-from glsim.looks.styles import CROWN, HairStyle
+from glsim.looks.styles import CROWN, HALO_MM, HairStyle
 
 #: Mean edge of the scalp's triangles, mm. Chosen: locks are 5 to 15 mm wide; strands are finer.
 _EDGE_MM = 9.0
@@ -23,11 +23,10 @@ _MARGIN_MM = 14.0
 #: Radius of a mean skull, mm; it converts angles to lengths.
 _SKULL_MM = 90.0
 #: Depth of each sheet below the top of the hair: as a share of the thickness, and at most, mm; and
-#: the share of it that strands cover. A few strands stray; light meets a strand after some
-#: millimetres, however thick the hair is. Chosen so that hair is as rough as on real heads.
-_SHEETS: Final = ((-0.7, 11.0, 0.06), (0.0, 0.0, 0.32), (0.5, 10.0, 0.55), (0.92, 23.0, 2.5))
-#: Number of outer sheets, with few strands, that cast no shadow. Chosen.
-_SHADOWING = 1
+#: the share of it that strands cover. Light meets a strand after some millimetres, however thick
+#: the hair is. Chosen so that hair is as rough as on real heads. The first is the halo of stray
+#: hairs, which casts no shadow.
+_SHEETS: Final = ((-1e3, HALO_MM, 1.0), (0.0, 0.0, 0.32), (0.5, 10.0, 0.55), (0.92, 23.0, 2.5))
 #: Distance inside the edge of the hair at which it is as dense as elsewhere, mm; thickness of the
 #: hair at its edge, mm, and distance from the edge to the full thickness, mm. Chosen.
 _SPARSE_MM, _RIM_THICKNESS_MM, _RIM_MM = 14.0, 1.2, 24.0
@@ -84,10 +83,11 @@ def make_hair(anatomy: Anatomy, scalp: Scalp, skin_mm: Floats, style: HairStyle,
     used, root_of = np.unique(np.concatenate([s.roots for s in sheets]), return_inverse=True)
     offsets = np.concatenate([s.points_mm - base[s.roots] for s in sheets])
     faces = [sheet.faces + start for sheet, start in zip(sheets, starts, strict=False)]
+    shading = [f for f, sheet in zip(faces, sheets, strict=True) if sheet.strands[0, 4] >= 0]
     return Hair(
         Rooted(scalp.anchors.taken(used), root_of, offsets),
         np.ascontiguousarray(np.concatenate(faces), np.int32),
-        np.ascontiguousarray(np.concatenate(faces[_SHADOWING:]), np.int32),
+        np.ascontiguousarray(np.concatenate(shading), np.int32),
         np.concatenate([sheet.strands for sheet in sheets]).astype(np.float32),
         np.concatenate([sheet.light for sheet in sheets]),
     )
@@ -110,10 +110,14 @@ def _cap(head: Head, scalp: Scalp) -> list[Sheet]:
     out[:, 1] = np.where(out[:, 1] < 0, 0.35 * out[:, 1], out[:, 1])  # it stands out less
     out /= np.linalg.norm(out, axis=1, keepdims=True)
     sheets = []
+    stray = head.stray * np.clip(thickness / 10.0, 0, 1)  # as short as stubble, hair does not stray
     for here, below, (_, _, cover) in zip(deep, [*deep[1:], top], _SHEETS, strict=True):
         height = np.maximum(top - here, 0.3)
-        points = _leaning(head, used, height / thickness) + height[:, None] * out
-        strands = strands_of(style, places, cover * dense, below - here, head.seed)
+        points, sink = _leaning(head, used, height / thickness), below - here
+        if here is deep[0]:
+            points, height, sink, cover = base, thickness - here, here, stray
+        points = points + height[:, None] * out
+        strands = strands_of(style, places, cover * dense, sink, head.seed)
         light = np.exp(-np.maximum(here, 0.0) / LOST_MM)
         sheets.append(Sheet(used, points, faces, strands, light))
     return sheets

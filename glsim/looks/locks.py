@@ -10,7 +10,7 @@ from glsim.core.array_types import Floats, Reals, Whole
 from glsim.core.products import norm, product
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.noise import smooth_noise
-from glsim.looks.styles import CROWN, HairStyle
+from glsim.looks.styles import CROWN, HALO_MM, HairStyle
 
 #: Number of directions in which the radius of a head is measured, evenly spread (a golden spiral),
 #: and sharpness of the weights between them. Chosen: neighbours are 0.14 rad apart.
@@ -24,7 +24,7 @@ _COLUMNS, _ROW_MM = 48, 14.0
 #: Sine of the elevation above the centre of the skull at which a sheet begins. Chosen.
 _START = 0.18
 #: Depth of each hanging sheet below the outermost, mm, and the share of it that strands cover.
-_HANGING: Final = ((0.0, 0.45), (5.0, 0.75), (10.0, 0.95))
+_HANGING: Final = ((-HALO_MM, 1.0), (0.0, 0.45), (5.0, 0.75), (10.0, 0.95))
 #: Length of a strand that is seen before another one lies over it, in widths of a strand. Chosen.
 _LONG = 12.0
 #: Depth below the top of the hair at which 1 / e of the light is left, mm: lib/strands.glsl.
@@ -123,6 +123,11 @@ class Head(NamedTuple):
     ragged: Reals
     seed: int
 
+    @property
+    def stray(self) -> float:
+        """Number of stray hairs relative to lib/strands.glsl; more on hair that stands. Chosen."""
+        return self.style.stray * (0.5 + 1.5 * self.style.lift)
+
 
 def strands_of(style: HairStyle, places: Reals, cover: Reals, sink: Reals, seed: int) -> Reals:
     """Return the strands, (N, 5) as in ``Mesh``, at (N, 3) mm across and along the strands."""
@@ -194,9 +199,10 @@ def hanging(head: Head) -> list[Sheet]:
     sheets = []
     for deep, cover in _HANGING:
         raised = sheet + (height.reshape(rows, -1, 1) - deep) * (around + np.array([0.0, 0.1, 0.0]))
-        strands = strands_of(style, where, cover * dense, np.full(len(where), 5.0), head.seed)
-        roots, light = np.tile(root, rows), np.full(len(where), np.exp(-deep / LOST_MM))
-        sheets.append(Sheet(roots, raised.reshape(-1, 3), faces, strands, light))
+        cover, sink = (cover, 5.0) if deep >= 0 else (head.stray, deep)
+        strands = strands_of(style, where, cover * dense, np.full(len(where), sink), head.seed)
+        light = np.full(len(where), np.exp(-max(deep, 0.0) / LOST_MM))
+        sheets.append(Sheet(np.tile(root, rows), raised.reshape(-1, 3), faces, strands, light))
     return sheets
 
 

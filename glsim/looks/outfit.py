@@ -26,7 +26,7 @@ BEARD_FROM_YEARS: Final = 18.0  # age from which men have beards; chosen
 #: Ranges of the random factors of a hair style, in the order in which they are drawn. Chosen.
 _FACTORS: Final = {
     "fringe": (0.85, 1.15), "relief": (0.8, 1.25), "wave": (0.7, 1.3), "recede": (0.7, 1.3),
-    "strand": (0.8, 1.3), "density": (0.8, 1.0),
+    "strand": (0.8, 1.3), "density": (0.8, 1.0), "stray": (0.3, 1.7),
 }  # fmt: skip
 
 

@@ -34,6 +34,7 @@ class HairStyle:
         extra: kind of tied hair.
         strand: width of what clings together and is seen as one strand.
         density: share of the strands that are left; less than 1 for thinning hair.
+        stray: number of hairs that leave the others, relative to lib/strands.glsl.
     """
 
     name: str
@@ -57,10 +58,13 @@ class HairStyle:
     extra: Literal["", "bun", "top bun", "pony tail", "twin tails"] = ""
     strand: float = 1.0
     density: float = 1.0
+    stray: float = 1.0
 
 
 #: Direction of the crown, up and back, from which short hair radiates.
 CROWN: Final = np.array([0.0, 0.86, -0.51])
+#: Height above the hair of the sheet for the halo of stray hairs, mm: a tenth is left there.
+HALO_MM = 18.0
 #: The content of styles.toml.
 STYLE_TABLE: Final = tomllib.loads(files(__package__).joinpath("styles.toml").read_text("utf-8"))
 STYLES: Final = tuple(HairStyle(name, **row) for name, row in STYLE_TABLE["hair"].items())

@@ -5,7 +5,7 @@
     mesh --RegionPass @camera----------> region, on request
 
 A supersampling rig draws depth and albedo on a finer grid (samples.frag). The middle sample of a
-pixel is its clean depth (centres.frag); the samples are kept for the stages.
+pixel is its clean depth, the median of its samples at hair (centres.frag); stages read the samples.
 
 If the delivered image keeps the lens distortion, the camera draws a wider pinhole image, and
 lens.frag samples its layers on the distorted grid.
@@ -108,7 +108,7 @@ class Renderer:
             self._centres = supersampled_pass(context, rig, "centres.frag")
             # The layers of the samples: depth and albedo.
             self._drawn = (Layer("fine_seen", "vec2", Fraction(rig.supersample)),)
-        self._surface = link_meshes(context, fragment, "render/surface.vert")
+        self._surface = link_meshes(context, fragment, "render/surface.vert", rig.supersample)
         self._surface.set_matrix("u_clip", pinhole.clip_matrix(rig.near_m, rig.far_m))
         self._lens_pass: FullscreenPass | None = None
         if rig.supersample > 1 and rig.keeps_distortion:

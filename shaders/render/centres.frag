@@ -1,6 +1,6 @@
 #version 330 core
-// centres: the layers of a pixel from those of its samples: the sample at the pixel's centre, and
-// its largest difference from the others. The albedo is the mean of the samples on the surface at the
+// centres: the layers of a pixel from those of its samples: the sample at the pixel's centre, or the
+// median of the samples where one of them is a strand of hair, and its largest difference from the others. The albedo is the mean of the samples on the surface at the
 // centre: a pixel sees an area, and the edge of a print is as wide as that.
 uniform sampler2D u_fine_seen; // depth, albedo; a strand's albedo is negative
 uniform sampler2D u_rays;
@@ -29,10 +29,37 @@ vec3 tangent(float before, float here, float after, vec3 ray, vec3 step) {
     return from || to ? end - start : step;
 }
 
+bool strands_in(vec2 middle, vec2 texel) {
+    bool some = false;
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        vec2 offset = vec2(k % SIDE, k / SIDE) - float(SIDE / 2);
+        some = some || textureLod(u_fine_seen, middle + offset * texel, 0.0).g < 0.0;
+    }
+    return some;
+}
+
+// The sample that as many samples are nearer than as are farther; nothing is farthest.
+vec2 median_sample(vec2 middle, vec2 texel) {
+    vec2 samples[SIDE * SIDE], chosen = vec2(0.0);
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        vec2 offset = vec2(k % SIDE, k / SIDE) - float(SIDE / 2);
+        samples[k] = textureLod(u_fine_seen, middle + offset * texel, 0.0).rg;
+        samples[k].r = samples[k].r > 0.0 ? samples[k].r : 1e6;
+    }
+    for (int k = 0; k < SIDE * SIDE; k++) {
+        int nearer = 0;
+        for (int j = 0; j < SIDE * SIDE; j++)
+            nearer += int(samples[j].r < samples[k].r || samples[j].r == samples[k].r && j < k);
+        chosen = nearer == SIDE * SIDE / 2 ? samples[k] : chosen;
+    }
+    return chosen.r < 1e6 ? chosen : vec2(0.0);
+}
+
 void main() {
     vec2 texel = 1.0 / vec2(textureSize(u_fine_seen, 0));
     vec2 middle = floor(gl_FragCoord.xy) * float(SIDE) + 0.5 * float(SIDE);
     vec2 seen = textureLod(u_fine_seen, middle * texel, 0.0).rg;
+    if (strands_in(middle * texel, texel)) seen = median_sample(middle * texel, texel);
     clean = seen.r;
     float low = clean, high = clean, sum = 0.0;
     float print = 0.0, same = 0.0; // sum of the albedos on the surface, and their number

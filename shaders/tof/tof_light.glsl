@@ -64,7 +64,8 @@ void main() {
         way = apart.x <= nearest ? -down : (apart.y <= nearest ? -right : way);
         vec2 alike = own < nearest || !mixed ? at : at + way;
         nearest = min(nearest, own);
-        // Without such a pixel, the sample is lit and faces the camera.
+        // Without such a pixel, the sample is lit and faces the camera; a strand does not take them from a wall.
+        nearest = seen.g < 0.0 && nearest > 0.1 * seen.r ? 1e5 : nearest;
         vec4 shape = textureLod(u_normal, alike, 0.0);
         float lit = textureLod(u_lit, alike, 0.0).r;
         shape = nearest < 1e5 ? shape : vec4(0.0, 0.0, -1.0, 0.0);

@@ -183,7 +183,8 @@ def _lit(view: FrameContext, p: Parameters, lit: Image, light: Light) -> Light:
 def _alike(seen: Image, depths: Image, lits: Image, normals: Image) -> tuple[Image, Image]:
     """Copy each sample's lit share and normal from the neighbour of the most similar depth."""
     apart = np.where(depths > 0, np.abs(depths - seen[:, 0]), np.float32(1e5))
-    alike, some = apart.argmin(axis=0), apart.min(axis=0) < 1e5
+    alike, nearest = apart.argmin(axis=0), apart.min(axis=0)
+    some = nearest < np.where(seen[:, 1] < 0, np.float32(0.1) * seen[:, 0], np.float32(1e5))
     each = np.arange(len(alike))
     facing = np.array([0.0, 0.0, -1.0, 0.0], np.float32)
     shape = np.where(some[:, None], normals[alike, each], facing)
