@@ -73,9 +73,7 @@ def load_command(name: str) -> Any:
     command = getattr(imported, attribute)
     if not isinstance(command, typer.Typer):
         single = typer.Typer(add_completion=False, rich_markup_mode=None)
-        single.command(name, cls=PlainCommand, epilog=epilog(imported.EXAMPLES))(
-            with_messages(command)
-        )
+        single.command(name, cls=PlainCommand, epilog=epilog(name))(with_messages(command))
         command = single
     return typer.main.get_command(command)
 

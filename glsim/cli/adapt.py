@@ -10,12 +10,6 @@ import typer
 from glsim.cli.common import check_outputs, print_message
 from glsim.core.errors import CPU_TORCH, ConfigError, TrainError
 
-EXAMPLES = """
-glsim adapt recording/ -o mine.onnx                three minutes of one core
-glsim denoise recording/ -o denoised/ -d mine.onnx
-glsim eval-real recording/ -d face -d mine.onnx    is it better?
-"""
-
 
 def adapt(
     recording: Path,

@@ -11,6 +11,7 @@ import re
 import signal
 import sys
 import threading
+import tomllib
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -128,7 +129,6 @@ class PlainCommand(TyperCommand):
 
 
 def _names(module: str, function: str) -> Callable[[str], list[str]]:
-    """Return a completion from a function that lists names."""
     return lambda incomplete: [
         name for name in getattr(import_module(module), function)() if name.startswith(incomplete)
     ]
@@ -140,8 +140,12 @@ PRESETS = _names("glsim.settings.presets", "preset_names")
 RECIPES = _names("glsim.train.recipe", "recipe_names")
 
 
-def epilog(examples: str) -> str:
+_EXAMPLES = Path(__file__).with_name("examples.toml")
+
+
+def epilog(command: str) -> str:
     """Format the end of a command's help: examples, and options of all commands."""
+    examples = tomllib.loads(_EXAMPLES.read_text(encoding="utf-8"))[command]
     shared = "All commands take -q (errors only), -v (decisions), --debug (tracebacks)."
     return f"\b\nExamples:\n{examples.strip()}\n\n{shared}"
 
@@ -205,6 +209,11 @@ CalibratedDeviceOption = Annotated[
 ]
 #: Exit status that Typer returns for Ctrl-C.
 _INTERRUPTED = 130
+#: Command -> how an interrupted run goes on; the other commands begin anew.
+_GOES_ON = {
+    "train": "run it again with --resume to go on",
+    **dict.fromkeys(("eval", "generate", "import", "paper"), "run the same command again to go on"),
+}
 #: Settings that older versions of ``generate`` and ``render`` had as options.
 FORMER_OPTIONS = {
     "--crop": "output.crop",
@@ -229,6 +238,7 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
         raise KeyboardInterrupt  # as for Ctrl-C: ends workers, removes temporary files
 
     _print_any_character()
+    words = sys.argv[1:] if arguments is None else arguments
     try:
         with _on_sigterm(terminate):
             result = command(args=arguments, standalone_mode=False)
@@ -237,14 +247,15 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except typer.TyperException as error:  # wrong usage
-        message = _former_option(error, sys.argv[1:] if arguments is None else arguments)
+        message = _former_option(error, words)
         message = message or getattr(error, "format_message", error.__str__)()
         if message:  # ``glsim`` without arguments prints its help and has no message
             sys.stderr.write(f"glsim: error: {message} (see --help)\n")
         return 2
     except (KeyboardInterrupt, typer.Abort):
         how = "terminated" if terminated else "interrupted"
-        console.print(f"{how}: run the same command again to go on", style="yellow")
+        again = _GOES_ON.get(words[0] if words else "", "the same command would begin anew")
+        console.print(f"{how}: {again}", style="yellow")
         return 1
     except GlsimError as error:
         return _report_error(error, 2 if isinstance(error, ConfigError) else 1)

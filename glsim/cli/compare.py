@@ -17,13 +17,7 @@ from glsim.cli.common import (
     print_written,
     write_json,
 )
-
-EXAMPLES = """
-glsim compare recording data
-glsim compare kinect_cal_data simulated -o table.md --json compare.json
-glsim compare monday tuesday --frames 200
-glsim compare recording --replay kinect-v2 --set fixed_pattern.enabled=0
-"""
+from glsim.cli.progress import step_progress
 
 
 def compare(
@@ -84,21 +78,22 @@ def compare(
         raise ConfigError("--set changes the sensor of --replay: add --replay SENSOR")
     check_outputs(json_file, out, figure)
     opened = [open_maps(first, unit_mm=depth_unit_mm, topic=topic)]
-    real = opened[0].read(frames, focal_px)
     sentences = []
-    if second is not None:
-        own = topic if whole_recording([second]) else None
-        opened.append(open_maps(second, unit_mm=depth_unit_mm, topic=own))
-        other = opened[1].read(frames, focal_px)
-        comparison = compare_sets(real, other, progress=print_message)
-    else:
-        require_package("scipy", "--replay", "eval")
-        stated = focal_px is not None or not opened[0].assumed
-        comparison, other, sentence = compare_replay(
-            real, str(replay_sensor), stated, print_message,
-            seed=seed, assignments=assignments or (), smooth_px=smooth_px,
-        )  # fmt: skip
-        sentences.append(sentence)
+    with step_progress(f"reading {first}") as step:
+        real = opened[0].read(frames, focal_px)
+        if second is not None:
+            own = topic if whole_recording([second]) else None
+            opened.append(open_maps(second, unit_mm=depth_unit_mm, topic=own))
+            other = opened[1].read(frames, focal_px)
+            comparison = compare_sets(real, other, progress=step)
+        else:
+            require_package("scipy", "--replay", "eval")
+            stated = focal_px is not None or not opened[0].assumed
+            comparison, other, sentence = compare_replay(
+                real, str(replay_sensor), stated, step,
+                seed=seed, assignments=assignments or (), smooth_px=smooth_px,
+            )  # fmt: skip
+            sentences.append(sentence)
     table = comparison.as_markdown()
     written = []
     if json_file is not None:

@@ -19,16 +19,6 @@ if TYPE_CHECKING:
 #: millimetres, a network's error would be 4 to 8 % larger.
 _FINEST_MM = 0.1
 
-EXAMPLES = """
-glsim denoise noisy.png -o clean.png
-glsim denoise recording/ -o denoised/ -d face-video       also by earlier frames
-glsim denoise recording/ -o denoised/ -d face:average=8   means of still frames first
-glsim denoise recording/ -o denoised/ -d quadric:sigma_px=2.5,cleanup=5
-glsim denoise recording/ -o denoised/ --device my_kinect.toml    by glsim fit
-glsim denoise noisy.png -o clean.png -d mine.py:lit --infrared infrared.png
-glsim denoise 'maps/*_noisy.png' -o denoised/ --format npy   float32 metres
-"""
-
 
 def denoise(
     noisy: list[str],

@@ -18,17 +18,6 @@ from glsim.core.errors import ConfigError, did_you_mean
 if TYPE_CHECKING:
     from glsim.eval.scoring.blocks import ScoringJob
 
-EXAMPLES = """
-glsim eval data -d median -d quadric:sigma_px=2.5,cleanup=5 -o scores
-glsim eval data --tune-filters -o scores     the classical filters, tuned on the validation split
-glsim eval data -d noisy -d mine@my_module:my_function -d run/best.pt
-glsim eval data --runs runs              all networks in runs/*/
-glsim eval data -d face --truth expected  needs generate --set output.layers=clean,expected,noisy
-glsim eval folder_of_pairs -d median     *_clean.png and *_noisy.png from any source
-glsim eval --list
-Repeat the same command to resume an interrupted run. Real frames: glsim eval-real.
-"""
-
 DatasetArgument = Annotated[
     Path,
     typer.Argument(help="A data set (folder or URL), or a folder of *_clean.png and *_noisy.png."),
@@ -175,7 +164,6 @@ def score_and_write(
 
 
 def _add_tuned_filters(job: ScoringJob, out: Path, count: int) -> ScoringJob:
-    """Tune the classical filters on the validation split, and add them to the job."""
     from glsim.denoise.registry import GRIDS
     from glsim.eval.scoring.grid_search import tune_filters
 

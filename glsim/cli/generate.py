@@ -30,18 +30,6 @@ if TYPE_CHECKING:
     from glsim.settings.schema import Settings
     from glsim.simulation.plan.tasks import Plan
 
-EXAMPLES = """
-glsim generate -o data --subjects 10 --frames-per-subject 30
-glsim generate -o data --source ict-facekit --root FaceXModel --set output.crop=128
-glsim generate -o data --source folder --root scans --preset heads --set appearance.wear=auto
-glsim generate -o data --set output.layers=clean,noisy --set split=0.8,0.1,0.1
-glsim generate -o data --sensor kinect-v1 --set 'pose.yaw_deg={uniform=[-30,30]}'
-glsim generate -o data --preset office --subjects 200 --plan
-glsim generate -o s3://bucket/faces --set output.format=webdataset --ray auto
-glsim generate -o shared/data --subjects 100000 --part 3/16   one of 16 jobs
-The same command again resumes an interrupted run, or checks a finished one.
-"""
-
 #: Preset of embedded heads if neither ``--preset`` nor ``--config`` is given.
 DEFAULT_PRESET = "heads"
 #: ``--plan`` renders some frames to measure time and size: number of frames per person, number of

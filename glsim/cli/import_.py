@@ -10,22 +10,6 @@ from typer.core import TyperGroup
 
 from glsim.cli.common import BackendOption, PlainCommand, WorkersOption, epilog, with_messages
 
-EXAMPLES = """
-glsim import recordings -o real
-glsim import biwi hpdb -o real --every 10
-"""
-
-BIWI_EXAMPLES = """
-glsim import biwi hpdb -o real
-glsim import biwi hpdb -o real --every 10 --split 0,0,1
-"""
-
-KINECT2_EXAMPLES = """
-glsim import kinect2 kinect_cal_data -o real
-glsim import kinect2 recordings -o real --every 10 --split 0.8,0,0.2
-glsim import kinect2 dumps -o real --mirror
-"""
-
 
 class _KindFinder(TyperGroup):
     """The commands of ``import``; for a path without a command, the kind of recordings decides."""
@@ -40,7 +24,7 @@ class _KindFinder(TyperGroup):
 app = typer.Typer(
     cls=_KindFinder,
     help="Convert real depth maps to a data set: glsim import DIR -o OUT finds the kind.",
-    epilog=epilog(EXAMPLES),
+    epilog=epilog("import"),
     add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,
@@ -56,7 +40,7 @@ def _import_group() -> None:
     "biwi",
     cls=PlainCommand,
     short_help="Frames of Biwi's head poses.",
-    epilog=epilog(BIWI_EXAMPLES),
+    epilog=epilog("import biwi"),
 )
 @with_messages
 def biwi(
@@ -102,7 +86,7 @@ def biwi(
     "kinect2",
     cls=PlainCommand,
     short_help="Recordings of any depth camera.",
-    epilog=epilog(KINECT2_EXAMPLES),
+    epilog=epilog("import kinect2"),
 )
 @with_messages
 def kinect2(

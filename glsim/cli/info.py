@@ -7,12 +7,6 @@ from rich.table import Table
 from glsim.cli.common import JsonOption, make_console, print_json, print_table
 from glsim.core.errors import ConfigError, DeviceError
 
-EXAMPLES = """
-glsim info
-GLSIM_BACKEND=osmesa glsim info
-glsim info --json
-"""
-
 
 def info(as_json: JsonOption = False) -> None:
     """Print versions and the OpenGL back ends with their drivers.

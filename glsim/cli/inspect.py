@@ -22,13 +22,6 @@ if TYPE_CHECKING:
     from glsim.data.inspection import FaceSetReport
     from glsim.data.recording import Recording
 
-EXAMPLES = """
-glsim inspect d3dfacs_alignments
-glsim inspect FaceWarehouse_Data_0 -o look.png --frames 0
-glsim inspect scan.ply --unit cm
-glsim inspect recording/                    the camera, and the denoiser to take
-"""
-
 _PEOPLE = 20
 _PROBLEMS = 20
 

@@ -32,31 +32,11 @@ from glsim.core.errors import ConfigError
 
 app = typer.Typer(
     help="Reproduce the paper: its data, networks, tables and figures.",
-    epilog=epilog("glsim paper reproduce -o reproduced\nglsim paper tables data -o table1"),
+    epilog=epilog("paper"),
     add_completion=False,
     no_args_is_help=True,
     rich_markup_mode=None,
 )
-
-REPRODUCE_EXAMPLES = """
-glsim paper reproduce -o reproduced               small, for a CPU: four hours of two cores
-glsim paper reproduce -o quick --size quick       few steps, all four cases: 15 minutes of two cores
-glsim paper reproduce -o tiny --size tiny         every step once, as a check: three minutes
-glsim paper reproduce -o paper --size full        the paper's size, for a GPU
-glsim paper reproduce -o mine --size mine.toml    your own plan, in the format of the shipped ones
-glsim paper reproduce -o reproduced --plan        print steps and hours, here and on GPUs
-glsim paper reproduce -o paper --d3dfacs d3dfacs_alignments --biwi hpdb     with the paper's faces
-Repeat the same command to resume an interrupted one.
-"""
-TABLES_EXAMPLES = """
-glsim paper tables data -o table1                     table 1, the filters
-glsim paper tables data --table 2 --table 3 --runs runs -o tables    networks in runs/*/
-Repeat the same command to resume an interrupted run.
-"""
-PAGES_EXAMPLES = """
-glsim paper figures reproduced
-glsim paper values reproduced                 each printed value beside ours
-"""
 
 RootOption = Annotated[
     Path | None, typer.Option(help="Folder of this face set of the paper. Default: embedded heads.")
@@ -156,12 +136,12 @@ def values(folder: FolderArgument) -> None:
     print_written(write_values(folder))
 
 
-for _name, _command, _short, _examples in (
-    ("reproduce", reproduce, "Data, networks, tables and figures.", REPRODUCE_EXAMPLES),
-    ("tables", tables, "Tables 1 to 3, printed and ours.", TABLES_EXAMPLES),
-    ("figures", figures, "Figures 1 to 6 of a reproduction.", PAGES_EXAMPLES),
-    ("values", values, "Each printed value beside ours.", PAGES_EXAMPLES),
+for _name, _command, _short in (
+    ("reproduce", reproduce, "Data, networks, tables and figures."),
+    ("tables", tables, "Tables 1 to 3, printed and ours."),
+    ("figures", figures, "Figures 1 to 6 of a reproduction."),
+    ("values", values, "Each printed value beside ours."),
 ):
-    app.command(_name, cls=PlainCommand, short_help=_short, epilog=epilog(_examples))(
+    app.command(_name, cls=PlainCommand, short_help=_short, epilog=epilog(f"paper {_name}"))(
         with_messages(_command)
     )

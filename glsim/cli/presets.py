@@ -11,12 +11,6 @@ from rich.table import Table
 from glsim.cli.common import PRESETS, print_table
 from glsim.settings.presets import preset_file, preset_names, preset_title
 
-EXAMPLES = """
-glsim presets
-glsim presets randomised > mine.toml
-glsim generate -o data --preset randomised --subjects 20
-"""
-
 
 def presets(name: Annotated[str | None, typer.Argument(autocompletion=PRESETS)] = None) -> None:
     """List the settings for glsim generate --preset with a line each, or print the file of one.

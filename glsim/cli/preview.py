@@ -10,13 +10,6 @@ import typer
 from glsim.cli.common import print_message, print_written
 from glsim.core.errors import ConfigError, DatasetError
 
-EXAMPLES = """
-glsim preview --3d                          a head of glsim to turn, without a data set
-glsim preview data
-glsim preview data -o pictures --frames 12 --split test
-glsim preview data -o pictures --3d         surface.html: a frame to turn
-"""
-
 #: Number of frames for the summary of noise; more frames do not change the printed digits.
 _MEASURED_FRAMES = 200
 
@@ -27,6 +20,7 @@ def preview(
     frames: Annotated[int, typer.Option(min=1, max=40)] = 6,
     split: str | None = None,
     surface: Annotated[bool, typer.Option("--3d")] = False,
+    mesh: Annotated[bool, typer.Option("--mesh")] = False,
 ) -> None:
     """Draw a contact sheet of a data set or a recording, and summarise its noise.
 
@@ -39,6 +33,7 @@ def preview(
         frames: Number of frames on the contact sheet.
         split: train, val or test. Default: all.
         surface: Also write surface.html, the middle frame as shaded surfaces to turn in a browser.
+        mesh: Also write face.obj, the embedded head at rest, mm. Only without a data set.
     """
     from glsim.core.files.atomic import write_atomic
     from glsim.core.files.png import write_picture
@@ -48,6 +43,8 @@ def preview(
     from glsim.data.reader import open_dataset
     from glsim.measures.depth_errors import noise_table, recording_table
 
+    if dataset is not None and mesh:
+        raise ConfigError("--mesh writes an embedded head: leave the data set out")
     if dataset is None:
         from glsim.core.depth_frame import Frames
         from glsim.settings.schema import load_settings
@@ -85,4 +82,10 @@ def preview(
 
         written.append(out / "surface.html")
         write_atomic(surface_page(pairs[len(pairs) // 2]).encode(), written[-1])
+    if mesh:
+        from glsim.faces.meshes.obj import encode_obj
+        from glsim.faces.sources.procedural import ProceduralFaces
+
+        written.append(out / "face.obj")
+        write_atomic(encode_obj(*ProceduralFaces().neutral("p0000")), written[-1])
     print_written(written)

@@ -79,6 +79,25 @@ def scoring_progress(title: str) -> Iterator[Callable[[ScoringProgress], None] |
         yield None if move is None else update
 
 
+@contextmanager
+def step_progress(first: str) -> Iterator[Callable[[str], None]]:
+    """Yield a function that prints the next step's name; on a terminal a clock runs beside it."""
+    from rich import progress
+
+    text = progress.TextColumn("{task.description}", markup=False)
+    columns = progress.SpinnerColumn(), text, progress.TimeElapsedColumn()
+    hidden = options.quiet or not console.is_terminal
+    with progress.Progress(*columns, console=console, transient=True, disable=hidden) as bar:
+        task = bar.add_task(first)
+
+        def step(name: str) -> None:
+            print_message(name)
+            bar.reset(task, description=name)
+
+        step(first)
+        yield step
+
+
 def print_summary(summary: GenerateSummary, out: Path | str) -> None:
     """Print a summary of a generation. Raises DatasetError if there are no frames."""
     frames = ", ".join(f"{split} {count}" for split, count in summary.frames.items())

@@ -25,15 +25,6 @@ from glsim.core.units import MM_PER_M
 if TYPE_CHECKING:
     from glsim.sensors.sensor import Sensor
 
-EXAMPLES = """
-glsim sensors
-glsim sensors kinect-v2
-glsim sensors --json
-glsim sensors kinect-v2 -o my_sensor.toml
-glsim render face.obj --sensor my_sensor.toml
-"""
-
-
 #: Columns of a terminal below which the table would break its lines: a line per sensor instead.
 _WIDE = 140
 

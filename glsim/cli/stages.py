@@ -8,16 +8,11 @@ import typer
 from rich.table import Table
 
 from glsim.cli.common import STAGES, JsonOption, make_console, print_json, print_table
+from glsim.core.errors import ConfigError, did_you_mean
 
 if TYPE_CHECKING:
+    from glsim.gl.shader_source import ShaderSource
     from glsim.noise.stage import StageSpec
-
-EXAMPLES = """
-glsim stages
-glsim stages axial
-glsim stages my_noise.glsl
-glsim stages tof_light --json
-"""
 
 
 def stages(
@@ -52,8 +47,9 @@ def stages(
         from glsim.gl.context import borrowed_context
         from glsim.gl.program import link
 
+        _check_names(spec.source)
         with borrowed_context(None) as context:
-            link(context, spec.source).release()
+            link(context, spec.source)
     out = make_console()
     out.print(spec.title, style="bold")
     out.print(f"file: {spec.file}", soft_wrap=True)
@@ -68,6 +64,24 @@ def stages(
         table.add_row(p.name, p.type, f"{p.default:g}", bounds, unit, p.help, where)
     table.add_row("enabled", "bool", "1", "", "", "0 switches the stage off", "every stage")
     print_table(table)
+
+
+def _check_names(source: ShaderSource) -> None:
+    """Raise ConfigError for a uniform or a layer that a shader reads and glsim does not know."""
+    from glsim.core.plugins import each_usable
+    from glsim.noise.chain import check_uniforms
+    from glsim.noise.layer_names import FINE_LAYERS, IMAGE_CONSTANTS, IMAGER_LAYERS, INITIAL_LAYERS
+    from glsim.noise.registry import find_stage, stage_names
+
+    check_uniforms(source)
+    known = {*INITIAL_LAYERS, *FINE_LAYERS, *IMAGE_CONSTANTS, *IMAGER_LAYERS}
+    for _, stage in each_usable(stage_names(), find_stage):
+        known |= {layer.name for layer in stage.source.writes} if stage.source else set()
+    for name in sorted({*source.reads} - known):
+        raise ConfigError(
+            f"{source.file}: reads the layer {name!r}, which no stage of glsim writes "
+            f"({did_you_mean(name, known)}); with a stage of yours that does, try the sensor"
+        )
 
 
 def _described(spec: StageSpec) -> dict[str, Any]:

@@ -17,18 +17,6 @@ from glsim.core.errors import ConfigError, training_needs_torch
 if TYPE_CHECKING:
     from glsim.train.loop import StepStatus
 
-EXAMPLES = """
-glsim train face --data data -o runs/face --minutes 30
-glsim train face --data data -o runs/face --minutes 60 --resume      trains for 30 more
-glsim train face-video --data videos --from runs/face/best.pt
-glsim train paper-d7-small --data data --seed 1 -o runs/d7_1
-glsim train mine.toml --data data --set loss.beta_mm=4 --set training.batch=8
-glsim train paper-d7-small --data data --protocol paper     as the paper: nearest point at 1 mm
-glsim train face --simulate --minutes 30
-glsim train --list
-Ctrl-C stops after the current step and saves the training; --resume continues it.
-"""
-
 #: Seconds between the first lines of a log; they grow to 10 minutes in an hour. Chosen, not
 #: measured.
 _LINE_S = 10.0

@@ -19,12 +19,6 @@ from glsim.cli.common import (
     overrides,
 )
 
-EXAMPLES = """
-glsim tune
-glsim tune kinect-v1 --face face.obj
-glsim tune mine.toml --source ict-facekit --root FaceXModel --real recording
-"""
-
 
 def tune(
     sensor: Annotated[str | None, typer.Argument(autocompletion=SENSORS)] = None,

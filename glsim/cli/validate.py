@@ -26,12 +26,6 @@ from glsim.cli.common import (
 if TYPE_CHECKING:
     from glsim.bench.validate.report import ValidationReport
 
-EXAMPLES = """
-glsim validate kinect-v2
-glsim validate my_sensor.toml --json checks.json
-glsim validate kinect-v1 --frames 200 --seed 3
-"""
-
 _COLOURS = {"pass": "green", "FAIL": "bold red", "exception": "yellow", "n/a": "dim"}
 
 

@@ -12,11 +12,6 @@ import typer
 from glsim.cli.common import JsonOption, make_console, print_json, print_message
 from glsim.core.errors import DatasetError, printable
 
-EXAMPLES = """
-glsim verify data
-glsim verify data --deep --repair
-"""
-
 #: Largest number of printed problems; a lost folder causes thousands.
 _SHOWN = 200
 #: Settings of ``generate`` that have their own option in ``glsim import``.

@@ -87,11 +87,15 @@ def one_line(error: BaseException) -> str:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the end of an "unknown name" message: similar names or, if there are none, all."""
+    """Return the end of an "unknown name" message: similar names or, if there are none, all.
+
+    Names that contain the unknown one come first: "d435" means "realsense-d435".
+    """
     names = sorted(known)
-    near = difflib.get_close_matches(name, names, n=3)
+    within = [n for n in names if len(name) > 2 and name.lower() in n.lower()]
+    near = dict.fromkeys([*within, *difflib.get_close_matches(name, names, n=3)])
     if near:
-        return f"did you mean {' or '.join(repr(n) for n in near)}?"
+        return f"did you mean {' or '.join(repr(n) for n in [*near][:3])}?"
     return f"known: {', '.join(names)}" if names else "there are none"
 
 

@@ -138,7 +138,9 @@ def _read_header(store: Store) -> tuple[dict[str, Any], bytes]:
                 f"{store}: is not complete{parts and f' (missing: {parts})'}: run glsim "
                 "generate again with the same settings"
             )
-        raise DatasetError(f"{store}: is no data set of glsim: it has no {HEADER}")
+        above = (path for path in Path(str(store)).absolute().parents if (path / HEADER).is_file())
+        part = f", but {set_above} is one: give that" if (set_above := next(above, None)) else ""
+        raise DatasetError(f"{store}: is no data set of glsim: it has no {HEADER}{part}")
     where = store.where(HEADER)
     header = parse_json(data, where)
     if header.get("format") != FORMAT:

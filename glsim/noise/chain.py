@@ -59,16 +59,21 @@ def check_chain(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
                     "more under [[rig.imager]]"
                 )
             raise ConfigError(f"{where}: stage {stage.name!r} reads the layer {name!r}, {why}")
-        for name in source.bound:
-            if name not in BOUND:
-                raise ConfigError(
-                    f"{source.file}: glsim binds no uniform {name!r} ({did_you_mean(name, BOUND)})"
-                )
+        check_uniforms(source)
         layers |= {layer.name for layer in source.writes}
         if rig.baseline_m == 0 and _needs_baseline(stage, source):
             raise ConfigError(
                 f"{where}: stage {stage.name!r} works on disparity, but the rig has no emitter "
                 "beside the camera: give it one under [[rig.emitter]]"
+            )
+
+
+def check_uniforms(source: ShaderSource) -> None:
+    """Raise ConfigError for a uniform that is neither a parameter nor bound by glsim."""
+    for name in source.bound:
+        if name not in BOUND:
+            raise ConfigError(
+                f"{source.file}: glsim binds no uniform {name!r} ({did_you_mean(name, BOUND)})"
             )
 
 

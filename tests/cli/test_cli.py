@@ -1,5 +1,6 @@
 """The command line as a user meets it, in an empty folder, with wrong arguments too."""
 
+import re
 from pathlib import Path
 
 import cv2
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
+from glsim.core.files.png import stated_unit_mm
 from glsim.data.verification import verify
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.simulation.frame import LAYERS
@@ -51,6 +53,9 @@ def test_render_writes_five_files(
     assert (here / "out" / "face_noisy.png").read_bytes() == before
     assert run(*command, "--seed", "4", "--set", "axial.base_sigma_mm=2.5") == 0
     assert (here / "out" / "face_noisy.png").read_bytes() != before
+    assert run(*command, "--depth-unit-mm", "0.25") == 0
+    stated = [stated_unit_mm(here / "out" / f"face_{n}.png") for n in ("clean", "infrared")]
+    assert stated == [0.25, None]
 
 
 def test_generate_preview_and_corrupt_go_together(here: Path) -> None:
@@ -63,7 +68,9 @@ def test_generate_preview_and_corrupt_go_together(here: Path) -> None:
     assert run("preview", "data", "-o", "seen", "--frames", "2", "-q") == 0
     sheet = cv2.imread(str(here / "seen" / "contact_sheet.png"))
     assert sheet.shape[1] == 1200
-    assert "noisy - clean, rms" in (here / "seen" / "summary.md").read_text()
+    summary = (here / "seen" / "summary.md").read_text()
+    inside, rims = (float(rms) for rms in re.findall(r"mean \S+ mm, rms (\S+) mm", summary))
+    assert inside < rims
     clean = next((here / "data" / "train").rglob("*_clean.png"))
     for backend in ("egl", "numpy"):
         target = here / f"{backend}.png"
@@ -98,6 +105,27 @@ def test_a_shader_that_does_not_compile_is_named_with_its_line(
     )
     arguments = ["render", "face.obj", "--sensor", "mine.toml", "--axes", "+x+y+z", "--unit", "mm"]
     assert "mine.glsl:6:" in fails(capsys, 1, *arguments)
+
+
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        ("uniform sampler2D u_dpeth;", "reads the layer 'dpeth', which no stage of glsim writes"),
+        ("uniform uint u_sede;", "glsim binds no uniform 'u_sede' (did you mean 'u_seed'"),
+    ],
+)
+def test_a_misspelt_name_in_a_stage_is_said(
+    line: str, text: str, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = (
+        f"#version 330 core\n// mine\n{line}\nout float depth;\nvoid main() {{ depth = 1.0; }}\n"
+    )
+    (here / "mine.glsl").write_text(source)
+    error = fails(capsys, 2, "stages", "mine.glsl")
+    assert text in error
+    assert "did you mean" in error
+    (here / "mine.glsl").write_text(source.replace("dpeth", "infrared").replace("sede", "seed"))
+    assert run("stages", "mine.glsl") == 0
 
 
 def test_tables_list_what_there_is(capsys: pytest.CaptureFixture[str]) -> None:

@@ -37,10 +37,15 @@ def test_shared_options_hold_for_one_command_line(capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.parametrize(
-    ("press", "text"), [(signal.SIGTERM, "terminated"), (signal.SIGINT, "interrupted")]
+    ("press", "name", "text"),
+    [
+        (signal.SIGTERM, "generate", "terminated: run the same command again to go on"),
+        (signal.SIGINT, "train", "interrupted: run it again with --resume to go on"),
+        (signal.SIGINT, "adapt", "interrupted: the same command would begin anew"),
+    ],
 )
-def test_signals_are_one_line(
-    press: signal.Signals, text: str, capsys: pytest.CaptureFixture[str]
+def test_signals_are_one_true_line(
+    press: signal.Signals, name: str, text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def command(**_: object) -> None:
         os.kill(os.getpid(), press)
@@ -49,10 +54,10 @@ def test_signals_are_one_line(
     ignored = signal.signal(signal.SIGINT, signal.default_int_handler)  # by a shell's "&"
     before = signal.getsignal(signal.SIGTERM)
     try:
-        assert run_command_line(command, []) == 1
+        assert run_command_line(command, [name]) == 1
     finally:
         signal.signal(signal.SIGINT, ignored)
-    assert capsys.readouterr().err == f"{text}: run the same command again to go on\n"
+    assert capsys.readouterr().err == f"{text}\n"
     assert signal.getsignal(signal.SIGTERM) == before
 
 

@@ -47,6 +47,8 @@ def test_problems_are_listed_one_a_line(tree: Path, capsys: pytest.CaptureFixtur
     assert verify(capsys, tree.parent)[1] == [
         f"{tree.parent}: is no data set of glsim: it has no dataset.json"
     ]
+    (folder,) = verify(capsys, tree / "train")[1]
+    assert folder.endswith(f"it has no dataset.json, but {tree.absolute()} is one: give that")
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import pickle
 
 import pytest
 
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError, DatasetError, did_you_mean
 
 
 @pytest.mark.parametrize(
@@ -26,3 +26,11 @@ def test_the_middle_of_a_long_message_is_left_out() -> None:
     assert text.startswith("start xx")
     assert text.endswith("xx end")
     assert str(DatasetError()) == ""
+
+
+def test_a_name_within_a_longer_one_is_proposed() -> None:
+    sensors = ["kinect-v2", "realsense-d415", "realsense-d435", "realsense-d435-vga"]
+    text = did_you_mean("D435", sensors)
+    assert text == "did you mean 'realsense-d435' or 'realsense-d435-vga'?"
+    assert did_you_mean("kinekt-v2", sensors) == "did you mean 'kinect-v2'?"
+    assert did_you_mean("v", sensors).startswith("known: ")

@@ -15,6 +15,8 @@ from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey
 from glsim.core.reason import Reason
 from glsim.data import contact_sheet as preview
+from glsim.faces.meshes.load import load_mesh
+from glsim.faces.sources.procedural import ProceduralFaces
 from tests.support.imports import ROOT
 
 
@@ -87,7 +89,13 @@ def test_people_of_the_demo_are_dressed(tmp_path: Path) -> None:
 
 
 def test_a_head_is_shown_without_a_data_set(here: Path) -> None:
-    assert main(["preview", "--3d", "--frames", "1", "-q"]) == 0
+    assert main(["preview", "--3d", "--mesh", "--frames", "1", "-q"]) == 0
     written = {path.name for path in here.iterdir()}
-    assert written == {"contact_sheet.png", "summary.md", "surface.html"}
+    assert written == {"contact_sheet.png", "summary.md", "surface.html", "face.obj"}
+    assert main(["preview", "data", "--mesh"]) == 2
+    loaded = load_mesh(Path("face.obj"))
+    assert "unit mm, axes +x+y+z" in str(loaded.alignment)
+    head, triangles = ProceduralFaces().neutral("p0000")
+    span_mm = np.ptp(head[np.unique(triangles)], axis=0)
+    np.testing.assert_allclose(np.ptp(loaded.mesh.vertices_mm, axis=0), span_mm, atol=0.01)
     assert "an embedded head, kinect-v2" in Path("summary.md").read_text()

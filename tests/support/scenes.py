@@ -15,6 +15,7 @@ from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.core.rect import Rect
 from glsim.faces.face_source import FaceKey
+from glsim.faces.meshes.obj import encode_obj
 from glsim.faces.one_mesh import OneMesh
 from glsim.gl.context import make_current
 from glsim.gl.targets import Readback
@@ -138,9 +139,7 @@ def face_mesh(cells: int = 150) -> Mesh:
 
 def write_obj(path: Path, mesh: Mesh) -> None:
     """Write a mesh's vertices, mm, and triangles as an OBJ file."""
-    lines = ["v {:.4f} {:.4f} {:.4f}".format(*vertex) for vertex in mesh.vertices_mm]
-    lines += ["f {} {} {}".format(*(face + 1)) for face in mesh.faces]
-    path.write_text("\n".join(lines) + "\n")
+    path.write_bytes(encode_obj(mesh.vertices_mm, mesh.faces))
 
 
 def rig(

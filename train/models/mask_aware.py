@@ -22,11 +22,7 @@ from glsim.networks.inputs import AFTER, BEFORE, DEPTH, MAX_NEIGHBOURS, NetworkI
 from glsim.networks.record import UNLIKELY
 from glsim.train.models.backbone import Backbone, init_zero
 from glsim.train.models.base import DepthModel, Prediction
-from glsim.train.models.extra_features import (
-    extra_channels,
-    mean_over_time,
-    neighbour_features,
-)
+from glsim.train.models.extra_features import extra_channels, mean_over_time, neighbour_features
 from glsim.train.models.features import (
     FILTERS,
     OTHER_CHANNELS,

@@ -87,7 +87,6 @@ class Preview:
         return Picture(tuning, frame, simulator.sensor, len(self._tasks), elapsed)
 
     def _with_code(self, tuning: Tuning) -> Simulator:
-        """Return the simulator for the tuning's sensor, plan and code."""
         of_plan = {n: tuning.values[n] for n in _OF_PLAN if n in tuning.values}
         if self._plain is None or self._plan != (tuning.sensor, of_plan):
             settings = with_assignments(self._base, {"sensor": tuning.sensor, **of_plan})

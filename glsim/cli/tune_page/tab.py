@@ -252,7 +252,6 @@ class TuneTab:
 
 
 def _times(sensor: Sensor) -> dict[Path, float]:
-    """Return the modification time of the sensor's file and of its stages' files."""
     specs = [stage.spec for stage in sensor.stages]
     sources = [spec.source for spec in specs if spec.source is not None]
     files = {sensor.file, *(Path(spec.file) for spec in specs if spec.source is None)}

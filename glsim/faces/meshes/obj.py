@@ -1,4 +1,4 @@
-"""Read Wavefront OBJ: positions, polygons and material names, in the file's own vertex order.
+"""Wavefront OBJ: positions, polygons and material names, in the file's own vertex order.
 
 trimesh splits vertices by texture coordinate; a morphable model needs the vertex order of the file.
 """
@@ -40,6 +40,14 @@ _MAX_HEADER_BYTES = 1 << 16
 #: Largest sum of the squared numbers of corners of the hollow polygons: clipping their ears takes
 #: up to 7 ns times it (measured, at points in a random order), 4 s.
 _MAX_CLIPPING = 500_000_000
+
+
+def encode_obj(vertices_mm: NDArray[np.floating[Any]], triangles: NDArray[np.integer]) -> bytes:
+    """Encode (V, 3) vertices and (T, 3) triangles, numbered from 0, as an OBJ file in mm."""
+    lines = ["# glsim; millimetres"]
+    lines += ["v {:.4f} {:.4f} {:.4f}".format(*vertex) for vertex in vertices_mm.tolist()]
+    lines += ["f {} {} {}".format(*corners) for corners in (triangles + 1).tolist()]
+    return ("\n".join(lines) + "\n").encode()
 
 
 @dataclass(frozen=True, eq=False)
