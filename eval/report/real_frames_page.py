@@ -14,14 +14,7 @@ import numpy as np
 from glsim.core.files.atomic import write_atomic
 from glsim.eval.real_frames.frame_truth import BINS_M
 from glsim.eval.real_frames.totals import EDGES, Interval, RealMeasures, RealScores
-from glsim.eval.report.document import (
-    TEXTS,
-    CaptionedPng,
-    Document,
-    Heading,
-    TextTable,
-    html_page,
-)
+from glsim.eval.report.document import TEXTS, CaptionedPng, Document, Heading, TextTable, html_page
 from glsim.eval.report.score_tables import format_number
 
 _TEXTS: Final = TEXTS["real_frames"]

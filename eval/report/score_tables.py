@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
@@ -10,6 +11,7 @@ from typing import Final
 from glsim.core.depth_map import FLYING_MM
 from glsim.core.depth_protocol import MEANING
 from glsim.core.units import MM_PER_M
+from glsim.denoise.registry import denoiser_names
 from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.metric import GROUPS, Metric
 from glsim.eval.metrics.regions import REGION_METRICS
@@ -73,26 +75,32 @@ _CONTESTS: Final = {_INSIDE: "inside surfaces", "flips_px": "in which pixels hav
 
 
 def winners(summary: ScoreSummary) -> list[str]:
-    """Say for surfaces and masks which method is best, by its paired difference to the next."""
-    lines = []
+    """Say for surfaces and masks which method is best, and how the user's best one stands to it.
+
+    Differences are paired by subject. A method of the user has a label that no denoiser of glsim
+    has.
+    """
+    lines, shipped = [], denoiser_names()
     for name, what in _CONTESTS.items():
         means = {method: summary.mean(method, name) for method in summary.methods}
         order = sorted((m for m in means if not math.isnan(means[m])), key=means.__getitem__)
         if len(order) < 2:
             continue
         first, second = order[:2]
-        gap = paired_difference(summary.values(first, name), summary.values(second, name))
-        unit = METRICS[name].unit
-        size, low, high = (format_number(-x, unit) for x in (gap.mean, gap.high, gap.low))
-        interval = f" (95 % interval {low} to {high})"
-        if gap.subjects < FEW_SUBJECTS:
-            interval = " (too few people for an interval)"
-        people = f"{gap.lower} of {gap.subjects} people"
-        if gap.high < 0:
-            line = f"is best {what}: {size} {unit} better than `{second}`{interval}, in {people}"
-        else:
-            line = f"and `{second}` are not told apart {what}: {size} {unit}{interval}, {people}"
-        lines.append(f"`{first}` {line}.")
+        own = next((m for m in order if re.split("[: ]", m)[0] not in shipped), first)
+        for other in dict.fromkeys((second, second if own == first else own)):
+            gap = paired_difference(summary.values(first, name), summary.values(other, name))
+            unit = METRICS[name].unit
+            size, low, high = (format_number(-x, unit) for x in (gap.mean, gap.high, gap.low))
+            interval = f" (95 % interval {low} to {high})"
+            if gap.subjects < FEW_SUBJECTS:
+                interval = " (too few people for an interval)"
+            people = f"{gap.lower} of {gap.subjects} people"
+            if gap.high < 0:
+                line = f"is best {what}: {size} {unit} better than `{other}`{interval}, in {people}"
+            else:
+                line = f"and `{other}` are not told apart {what}: {size} {unit}{interval}, {people}"
+            lines.append(f"`{first}` {line}.")
     return lines
 
 
@@ -228,7 +236,9 @@ def _baselines(evaluation: Evaluation) -> Document | None:
         for name in baselines.methods
     ]
     head = ["prediction", *(f"{m.heading} {m.arrow}" for m in metrics)]
-    return Document("Trivial predictions: a scale for the above", [TextTable(head, rows)])
+    few = len(evaluation.summary.subjects) < FEW_SUBJECTS
+    text = TEXTS["scores"]["trivial"] + (TEXTS["scores"]["own_mean"] if few else "")
+    return Document("Trivial predictions: a scale for the above", [text, TextTable(head, rows)])
 
 
 def _remarks(evaluation: Evaluation, table: ResultTable) -> list[str]:

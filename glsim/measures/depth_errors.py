@@ -8,6 +8,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from glsim.core.depth_frame import DepthFrame
+from glsim.core.depth_map import BAND_PX, interior, jumps
 from glsim.core.files.markdown import markdown_table
 from glsim.core.reason import Reason
 
@@ -38,29 +39,31 @@ def recording_table(frames: Iterable[DepthFrame], sensor: str) -> str:
 
 def noise_table(frames: Iterable[DepthFrame], sensor: str) -> str:
     """Return a Markdown table of depth errors over pairs of clean and noisy maps."""
-    # Number of pixels with both depths, with clean depth only, with noisy depth only; then the sums
-    # of the error and of its square over pixels with both.
-    sums = np.zeros(5)
+    # Rows: inside surfaces and at their rims. Number of pixels with both depths, sum of the error
+    # and of its square.
+    sums, lost_px, grown_px = np.zeros((2, 3)), 0, 0
     number, reasons = 0, Counter[Reason]()
     for frame in frames:
         clean, noisy = frame.clean_mm.astype(np.float64), frame.noisy_mm.astype(np.float64)
+        inside = interior(clean > 0, jumps(clean))
         both, error = (clean > 0) & (noisy > 0), noisy - clean
-        lost, grown = (clean > 0) & (noisy == 0), (clean == 0) & (noisy > 0)
-        sums += [
-            both.sum(), lost.sum(), grown.sum(), error[both].sum(), (error[both] ** 2).sum(),
-        ]  # fmt: skip
+        for place, where in enumerate((inside, ~inside)):
+            seen = error[both & where]
+            sums[place] += [seen.size, seen.sum(), (seen**2).sum()]
+        lost_px += ((clean > 0) & (noisy == 0)).sum()
+        grown_px += ((clean == 0) & (noisy > 0)).sum()
         number += 1
         if "reason" in frame:
             codes, counts = np.unique(frame.reason, return_counts=True)
             reasons.update(dict(zip(map(Reason, codes.tolist()), counts.tolist(), strict=True)))
     with np.errstate(invalid="ignore"):
-        bias, rms = sums[3] / sums[0], (sums[4] / sums[0]) ** 0.5
-    both_px, lost_px, grown_px = sums[:3]
-    surface = both_px + lost_px
+        bias, rms = sums[:, 1] / sums[:, 0], (sums[:, 2] / sums[:, 0]) ** 0.5
+    surface = sums[:, 0].sum() + lost_px
     rows = [
         ("sensor", sensor), ("frames measured", f"{number}"),
         ("surface pixels per frame", f"{surface / number:.0f}"),
-        ("noisy - clean, mean", f"{bias:+.2f} mm"), ("noisy - clean, rms", f"{rms:.2f} mm"),
+        ("noisy - clean inside surfaces", f"mean {bias[0]:+.2f} mm, rms {rms[0]:.2f} mm"),
+        (f"within {BAND_PX} px of rims and holes", f"mean {bias[1]:+.2f} mm, rms {rms[1]:.2f} mm"),
         ("surface lost", f"{100 * lost_px / max(surface, 1):.2f} %"),
         ("depth where there is no surface", f"{grown_px / number:.1f} px per frame"),
     ]  # fmt: skip
