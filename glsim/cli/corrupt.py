@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,12 +26,6 @@ if TYPE_CHECKING:
     from glsim.core.depth_frame import DepthFrame
     from glsim.simulation.depth_noise import DepthNoise
 
-EXAMPLES = """
-glsim corrupt clean.png -o noisy.png
-glsim corrupt maps/ -o noisy/ --sensor kinect-v2-paper --seed 3
-glsim corrupt clean.png -o noisy.png --backend numpy --focal-px 575.8 --centre-px 320,240
-"""
-
 
 def corrupt(
     clean: Path,
@@ -49,11 +45,12 @@ def corrupt(
 
     Whole numbers are steps of --depth-unit-mm, floats of .npy, .exr and TIFF are metres, or
     millimetres if the median of a folder says so. What is beyond the sensor's far plane is no
-    surface. A folder is read with its sub-folders; every map keeps its name. The noise of a map
-    depends on the seed and on its depths, whatever its name and format; copies of a map have noise
-    of their own, in the order of their names. Maps that cannot be read are reported and skipped. Of
-    a folder that glsim wrote, only the clean depth is taken. Noisy PNGs state their step if the
-    clean one does, or if it is not 1 mm.
+    surface. A folder is read with its sub-folders; every map keeps its name, but NAME_clean becomes
+    NAME_noisy. The noise of a map depends on the seed and on its depths, whatever its name and
+    format; copies of a map have noise of their own, in the order of their names. Maps that cannot
+    be read are reported and skipped. Of a folder that glsim wrote, only the clean depth is taken.
+    Noisy PNGs state the sensor, and their step if the clean one does, or if it is not 1 mm; a
+    folder gets a camera.toml.
 
     Args:
         clean: A clean depth map (16-bit PNG or TIFF, .npy, .exr), or a folder of them.
@@ -83,8 +80,13 @@ def corrupt(
     recording = open_maps(
         clean, "clean", unit_mm=given, channel=channel, needs_camera=False, along_rays=along_ray
     )
+    names = (p.with_stem(re.sub("_clean$", "_noisy", p.stem)) for p in recording.outputs)
+    recording = replace(recording, outputs=tuple(names))
     states_step = recording.step_mm != 1 or recording.votes.names_step
-    writer = MapWriter(recording, [clean], out, option="--depth-unit-mm", states_step=states_step)
+    writer = MapWriter(
+        recording, [clean], out, option="--depth-unit-mm", states_step=states_step,
+        sensor=Path(settings.sensor).stem,
+    )  # fmt: skip
     focal = centre = None
     if (camera := recording.camera) is not None:
         focal, centre = (camera.fx, camera.fy), (camera.cx, camera.cy)

@@ -20,13 +20,6 @@ from glsim.cli.common import (
     print_written,
 )
 
-EXAMPLES = """
-glsim render face.obj
-glsim render face.obj --set scene.room=office --set scene.camera_mm=1000
-glsim render scan.ply -o out --sensor kinect-v2-paper --seed 7
-glsim render face.glb --set pose.yaw_deg=30 --set tof_floor.sigma_mm=2 --set scene.wall_mm=1300
-"""
-
 
 def render(
     face: Path,
@@ -76,7 +69,7 @@ def render(
     one_frame = settings.model_copy(update={"source": (single,)})
     for frame in simulate(one_frame, sources=[source], backend=backend):
         assert isinstance(frame, Frame), "a bad face raises, because strict is set"
-        paths = write_frame(frame, out, face.stem, LAYERS)
+        paths = write_frame(frame, out, face.stem, LAYERS, Path(settings.sensor).stem)
         preview = out / f"{face.stem}_preview.png"
         sheet = contact_sheet([frame.measured(rounded=False)], f"{face.name}, {settings.sensor}")
         write_picture(sheet, preview)

@@ -53,16 +53,24 @@ def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX*
     return image.view(expected)
 
 
-def write_frame(frame: Frame, directory: Path, stem: str, layers: Sequence[str]) -> list[Path]:
+def write_frame(
+    frame: Frame, directory: Path, stem: str, layers: Sequence[str], sensor: str = ""
+) -> list[Path]:
     """Write ``<stem>_<layer>.png`` for each layer and return the paths.
+
+    Depth states a step other than 1 mm, and the name of the sensor.
 
     Existing files are replaced, and every file is complete or absent. Raises ConfigError for an
     unknown layer or a depth that does not fit 16 bits, DatasetError if a file cannot be written.
     """
-    images = {directory / f"{stem}_{n}.png": encode_png(frame.image(n)) for n in layers}
-    for path, image in images.items():
+    unit_mm = None if frame.depth_unit_mm == 1 else frame.depth_unit_mm
+    files = {}
+    for layer in layers:
+        stated = (unit_mm, sensor) if layer in ("clean", "noisy", "expected") else ()
+        files[directory / f"{stem}_{layer}.png"] = encode_png(frame.image(layer), *stated)
+    for path, image in files.items():
         write_atomic(image, path)
-    return list(images)
+    return list(files)
 
 
 def webdataset_decoder(key: str, data: bytes) -> LayerImage | dict[str, Any] | None:

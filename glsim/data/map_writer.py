@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -18,6 +19,7 @@ from glsim.core.files.png import encode_png
 from glsim.core.units import UINT16_MAX, subtract_offset, to_metres
 from glsim.data.map_files import FLOAT_FORMATS, FORMATS, SUFFIXES, encode_map, format_of
 from glsim.data.recording import Recording
+from glsim.data.recordings.camera_file import StatedCamera, write_camera_file
 
 #: Largest input depth, in steps, for a finer step. Chosen: a larger changed depth must fit 16 bits.
 DEEPEST_STEPS: Final = 65_000
@@ -43,6 +45,7 @@ class MapWriter:
         finest_mm: float | None = None,
         states_step: bool = True,
         sigma_out: Path | None = None,
+        sensor: str = "",
     ) -> None:
         """Choose the output file and the step of each map.
 
@@ -55,8 +58,11 @@ class MapWriter:
             finest_mm: step of PNG files, doubled if one of the sampled maps is too deep for it; a
                 map that is deeper still keeps the step of its input.
             sigma_out: folder or file name of the outputs of the layer "sigma_mm".
+            sensor: the sensor that the outputs state. Default: the stated one.
         """
         self._option, self._states_step, self._out = option, states_step, out
+        camera = recording.stated if recording.is_one_camera else StatedCamera()
+        self._camera = replace(camera, sensor=sensor or recording.stated.sensor)
         self.targets = _targets(recording, inputs, out, form)
         self._sources = recording.sources
         self._sigma: list[Path] = []
@@ -75,12 +81,16 @@ class MapWriter:
             fits = recording.votes.deepest_mm <= DEEPEST_STEPS * finest_mm
             self.step_mm = min(recording.step_mm, finest_mm if fits else 2 * finest_mm)
         coarser = [recording.step_mm] if given_mm is None and states_step else []
+        tiff_mm = self.step_mm if "tiff" in forms else None  # PNG files state their steps
+        self._camera = replace(self._camera, unit_mm=tiff_mm)
         self._steps_mm = dict.fromkeys([self.step_mm or 1.0, *coarser])
 
     def write(
         self, frames: Frames, layer: str = "noisy_mm", *, skipped: Callable[[str], None]
     ) -> int:
-        """Write a layer of each frame; files of a data set keep the offset of their input.
+        """Write a layer of each frame, and beside several the camera that they state.
+
+        Files of a data set keep the offset of their input.
 
         Args:
             frames: the changed frames, as many as in the recording and in the same order.
@@ -111,15 +121,17 @@ class MapWriter:
             if self._sigma and "sigma_mm" in frame:
                 write_atomic(_encode_sigma(frame), self._sigma[number], sync=alone)
         if not alone:
+            write_camera_file(self._camera, self._out)
             flush_outputs(self._out)
         return failures
 
     def _encode(self, frame: DepthFrame, depth_mm: Depth, form: str) -> bytes:
         """Encode a map; if it is too deep for a step that no option gave, use its input's step."""
         depth_m, problem = to_metres(depth_mm), ""
+        states = self._states_step, self._camera.sensor
         for step_mm in self._steps_mm:
             try:
-                return encode_map(depth_m, form, step_mm, self._option, self._states_step)
+                return encode_map(depth_m, form, step_mm, self._option, *states)
             except DepthRangeError as error:
                 problem = str(error)
         raise DepthRangeError(f"{frame.record.get('file', frame.name)}: {problem}")

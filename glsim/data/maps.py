@@ -30,6 +30,7 @@ from glsim.core.depth_protocol import DepthProtocol, stored_protocol
 from glsim.core.errors import ConfigError, DatasetError, NoDepthError
 from glsim.core.files.atomic import read_json
 from glsim.core.files.listing import MOST_FILES, natural
+from glsim.core.files.png import stated_sensor
 from glsim.data.disk_format import FORMAT, HEADER
 from glsim.data.header import is_dataset, read_header
 from glsim.data.map_files import STACKS, open_stack
@@ -153,9 +154,10 @@ def open_maps(
     maps.find_cameras(given, crops)
     reader = maps.reader(unit_mm, channel, infrared)
     cameras = maps.checked_cameras(reader.votes.maps_mm[0].shape, needs_camera, along_rays, mirror)
-    loader = _Loader(reader, kind, mirror, cameras, maps.records, needs_camera=needs_camera)
-    frames = Frames(len(reader), loader, loader.key)
     stated, notes = cameras[maps.files[0].parent], reader.notes
+    taken, assumed = _assumed(stated, maps.files[0])
+    loader = _Loader(reader, kind, mirror, cameras, maps.records, assumed, needs_camera)
+    frames = Frames(len(reader), loader, loader.key)
     if reader.ray_channel and not stated.along_ray:
         notes += (
             f"channel {reader.ray_channel} is the distance along the ray: along_ray = true in a "
@@ -168,7 +170,8 @@ def open_maps(
     return Recording(
         given[0], kind_of(maps.files[0]), frames, reader, stated, maps.stated_by, notes,
         maps.left_out, tuple(maps.outputs), maps.protocol,
-        "" if maps.records or stated.intrinsics else DEFAULT_SENSOR, f"{kind}_mm",
+        "" if maps.records or stated.intrinsics else taken, f"{kind}_mm",
+        len({*cameras.values()}) == 1,
     )  # fmt: skip
 
 
@@ -223,7 +226,11 @@ class _FileList:
             by: Path | None = root
             if root is None:
                 above = [path for path in given if path in folder.parents]
-                self.cameras[folder], by = stated_camera(*above, folder)
+                stated, by = stated_camera(*above, folder)
+                file = next(file for file in self.files if file.parent == folder)
+                if not stated.sensor and (sensor := stated_sensor(file)):
+                    stated, by = replace(stated, sensor=sensor), by or file
+                self.cameras[folder] = stated
             else:
                 header = read_header(root)
                 nearest_mm.append(header["settings"]["output"].get("nearest_to_mm"))
@@ -312,6 +319,7 @@ def _data_set(place: Path | str, kind: DepthKind) -> Recording:
     return Recording(
         dataset.path, "data set", frames, None, stated, dataset.path, outputs=outputs,
         protocol=dataset.protocol, layer=f"{kind}_mm",
+        is_one_camera=dataset.header["settings"]["output"].get("crop") is None,
     )  # fmt: skip
 
 
@@ -372,15 +380,13 @@ def _stream_recording(
     depth_mm, _ = stream.depth(0)  # a stream without depth is refused here
     check_size(stated, depth_mm.shape, file or path)
     check_least_size(depth_mm.shape, path)
-    turned, assumed = _mirrored(stated, mirror), DEFAULT_INTRINSICS
-    if stated.intrinsics is None and stated.sensor:
-        assumed = sensor_camera(stated.sensor, path).intrinsics or assumed
+    turned, (taken, assumed) = _mirrored(stated, mirror), _assumed(stated, path)
     loader = _Loader(stream, kind, mirror, {path.parent: turned}, assumed=assumed)
     frames = Frames(len(stream), loader, loader.key)
     outputs = tuple(Path(f"{stream.name(number)}.png") for number in range(len(stream)))
     return Recording(
         path, stream.kind, frames, stream, turned, file or path, notes,
-        outputs=outputs, assumed="" if stated.intrinsics else stated.sensor or DEFAULT_SENSOR,
+        outputs=outputs, assumed="" if stated.intrinsics else taken,
         layer=f"{kind}_mm",
     )  # fmt: skip
 
@@ -395,6 +401,16 @@ def _open_stream(path: Path, topic: str | None) -> FrameStream:
     from glsim.data.recordings.mkv import MkvStream
 
     return MkvStream(path)
+
+
+def _assumed(stated: StatedCamera, place: Path) -> tuple[str, Intrinsics]:
+    """Return the sensor whose intrinsics are taken if none are stated, and these intrinsics."""
+    if stated.intrinsics is None and stated.sensor:
+        with suppress(ConfigError):  # a sensor file of the user
+            return stated.sensor, sensor_camera(
+                stated.sensor, place
+            ).intrinsics or DEFAULT_INTRINSICS
+    return DEFAULT_SENSOR, DEFAULT_INTRINSICS
 
 
 def _mirrored(stated: StatedCamera, mirror: bool) -> StatedCamera:

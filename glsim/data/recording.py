@@ -51,6 +51,7 @@ class Recording:
         outputs: relative path of each changed map when it is written.
         protocol: origin of the depths in the files; frames always have measured depths.
         assumed: name of the sensor whose intrinsics are assumed; "" for stated intrinsics.
+        is_one_camera: whether ``stated`` holds for every frame; False for crops, several cameras.
     """
 
     path: Path
@@ -65,6 +66,7 @@ class Recording:
     protocol: DepthProtocol = "depth"
     assumed: str = ""
     layer: str = "noisy_mm"
+    is_one_camera: bool = True
 
     @property
     def camera(self) -> Intrinsics | None:

@@ -10,10 +10,13 @@ from numpy.typing import NDArray
 
 from glsim.cli import main
 from glsim.core import depth_map
+from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png, stated_unit_mm
 from glsim.core.reason import Reason
 from glsim.core.units import from_steps, to_metres
+from glsim.data.maps import open_maps
+from glsim.denoise.network_choice import camera_of
 from glsim.settings.schema import load_settings
 from glsim.simulation.depth_noise import DepthNoise
 from glsim.simulation.frame import Frame
@@ -170,3 +173,27 @@ def test_a_noisy_map_states_its_step_as_the_clean_one_does(
     command = ["corrupt", str(clean), "-o", str(noisy), "-s", "ideal", "--backend", "numpy"]
     assert main([*command, *given]) == 0
     assert stated_unit_mm(noisy) == stated_mm
+
+
+@pytest.mark.parametrize("form", ["png", "tiff", "npy"])
+def test_sensor_camera_and_unit_go_with_noisy_and_denoised_maps(tmp_path: Path, form: str) -> None:
+    clean, noisy, out = (tmp_path / name for name in ("clean", "noisy", "out"))
+    clean.mkdir()
+    for number in range(2):
+        image = np.full((32, 40), 900 + 20 * number, np.uint16)
+        (clean / f"{number}_clean.png").write_bytes(encode_png(image))
+    (clean / "camera.toml").write_text("width = 40\nheight = 32\nfocal_px = [30, 31]\n")
+    command = ["corrupt", str(clean), "-o", str(noisy), "-s", "kinect-v2", "--backend", "numpy"]
+    assert main(command) == 0
+    command = ["denoise", str(noisy), "-o", str(out), "-d", "median", "--format", form]
+    assert main(command) == 0
+    (noisy / "camera.toml").unlink()
+    assert camera_of(open_maps(noisy)).sensor == "kinect-v2", "each PNG names it, too"
+    denoised = open_maps(out)
+    assert camera_of(denoised).sensor == "kinect-v2"
+    assert denoised.camera == Intrinsics(40, 32, 30, 31, 20, 16)
+    assert denoised.frames[0].step_mm == {"png": 0.1, "tiff": 1.0, "npy": 0.0}[form]
+    assert abs(denoised.frames[0].noisy_mm[8:24, 8:32].mean() - 900) < 20
+    (out / "camera.toml").write_text('name = "mine"\n')
+    assert main(command) == 0
+    assert (out / "camera.toml").read_text() == 'name = "mine"\n', "a user's file stays"

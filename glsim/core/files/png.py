@@ -6,7 +6,7 @@ above, which makes files 0.61 to 1.01 times as large. OpenCV decodes; it is impo
 first needed.
 Width and height are read from the file's own header first: 2 MB of deflate can hold 2 GB of zeros.
 
-A depth map may state its step in a text chunk "glsim depth_unit_mm" before the pixels.
+A depth map may state its step and its sensor in text chunks before the pixels.
 
 PNG: W3C Recommendation, third edition. TIFF: Adobe, revision 6.0.
 """
@@ -45,10 +45,11 @@ _SAMPLES = {
     _GREY: (1, (1, 2, 4, 8, 16)), _RGB: (3, (8, 16)), _PALETTE: (1, (1, 2, 4, 8)),
     4: (2, (8, 16)), 6: (4, (8, 16)),
 }  # fmt: skip
-#: Keyword of the text chunk with the step of a depth map, mm.
-UNIT_KEYWORD = b"glsim depth_unit_mm"
-#: Number of bytes to read of a file's beginning: the signature, IHDR and that chunk need fewer.
-_HEAD_BYTES = 256
+#: Keywords of the text chunks with the step of a depth map, mm, and with its sensor.
+UNIT_KEYWORD, SENSOR_KEYWORD = b"glsim depth_unit_mm", b"glsim sensor"
+#: Number of bytes to read of a file's beginning: the signature, IHDR and both chunks need fewer,
+#: and longest name of a sensor.
+_HEAD_BYTES, _LONGEST_NAME = 256, 64
 #: Smallest and largest step of a depth file, mm: the range of --depth-unit-mm.
 UNIT_RANGE_MM = (0.01, 10.0)
 #: ISA-L's level. Levels 1 and 2 save a sixth of the bytes. But level 2 (ISA-L 2.32) hashes bytes by
@@ -57,11 +58,13 @@ _ISAL_LEVEL = 0
 
 
 def encode_png(
-    image: NDArray[np.uint16] | NDArray[np.uint8], depth_unit_mm: float | None = None
+    image: NDArray[np.uint16] | NDArray[np.uint8],
+    depth_unit_mm: float | None = None,
+    sensor: str = "",
 ) -> bytes:
     """Encode (H, W) uint16 or uint8 as a grey PNG file, (H, W, 3) as an RGB one.
 
-    The same image gives the same bytes. The file states the step of a depth map, if it is given.
+    The same image gives the same bytes. A depth map may state its step and its sensor.
     """
     height, width = image.shape[:2]
     samples = np.ascontiguousarray(image, image.dtype.newbyteorder(">")).view(np.uint8)
@@ -74,8 +77,10 @@ def encode_png(
     header = struct.pack(">IIBBBBB", width, height, image.dtype.itemsize * 8, colour, 0, 0, 0)
     stream = isal_zlib.compress(rows, _ISAL_LEVEL)
     chunks = [_chunk(b"IHDR", header), _chunk(b"IDAT", stream), _chunk(b"IEND", b"")]
-    if depth_unit_mm is not None:
-        chunks.insert(1, _chunk(b"tEXt", UNIT_KEYWORD + b"\0" + f"{depth_unit_mm:g}".encode()))
+    name = sensor[:_LONGEST_NAME].encode("latin-1", "replace")
+    unit = b"" if depth_unit_mm is None else f"{depth_unit_mm:g}".encode()
+    texts = ((UNIT_KEYWORD, unit), (SENSOR_KEYWORD, name))
+    chunks[1:1] = [_chunk(b"tEXt", key + b"\0" + text) for key, text in texts if text]
     return b"".join([_SIGNATURE, *chunks])
 
 
@@ -84,23 +89,38 @@ def stated_unit_mm(path: Path, *, inside: Path | None = None) -> float | None:
 
     Raises DatasetError if the statement is no valid step, or for a link out of ``inside``.
     """
+    text = _stated_texts(path, inside).get(UNIT_KEYWORD)
+    if text is None:
+        return None
+    try:
+        unit_mm = float(text)
+    except ValueError:
+        unit_mm = float("nan")
+    if not UNIT_RANGE_MM[0] <= unit_mm <= UNIT_RANGE_MM[1]:
+        keyword = UNIT_KEYWORD.decode()
+        raise DatasetError(f"{path}: its text {keyword} is no step from 0.01 to 10 mm")
+    return unit_mm
+
+
+def stated_sensor(path: Path) -> str:
+    """Return the sensor that a depth PNG of glsim states; "" if it states none."""
+    return _stated_texts(path).get(SENSOR_KEYWORD, b"").decode("latin-1")
+
+
+def _stated_texts(path: Path, inside: Path | None = None) -> dict[bytes, bytes]:
+    """Return the texts between the header and the pixels of a PNG: keyword -> text."""
     try:
         with open_regular(path, inside=inside) as file:
             head = file.read(_HEAD_BYTES)
     except OSError:  # reported when the map is read
-        return None
-    at = 8 + 12 + 13  # position behind the signature and IHDR
-    keyword, _, text = head[at + 8 :].partition(b"\0")
-    if head[:8] != _SIGNATURE or head[at + 4 : at + 8] != b"tEXt" or keyword != UNIT_KEYWORD:
-        return None
-    (length,) = struct.unpack(">I", head[at : at + 4])
-    try:
-        unit_mm = float(text[: length - len(keyword) - 1])
-    except ValueError:
-        unit_mm = float("nan")
-    if not UNIT_RANGE_MM[0] <= unit_mm <= UNIT_RANGE_MM[1]:
-        raise DatasetError(f"{path}: its text {keyword.decode()} is no step from 0.01 to 10 mm")
-    return unit_mm
+        return {}
+    at, texts = 8 + 12 + 13, {}  # position behind the signature and IHDR
+    while head[:8] == _SIGNATURE and head[at + 4 : at + 8] == b"tEXt":
+        (length,) = struct.unpack(">I", head[at : at + 4])
+        keyword, _, text = head[at + 8 : at + 8 + length].partition(b"\0")
+        texts[keyword] = text
+        at += 12 + length
+    return texts
 
 
 def _chunk(kind: bytes, data: bytes) -> bytes:

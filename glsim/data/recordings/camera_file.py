@@ -18,16 +18,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Final, Literal, get_args
 
 from pydantic import Field, model_validator
 
 from glsim.core.camera import Distortion, Intrinsics
 from glsim.core.errors import ConfigError, DatasetError, did_you_mean
-from glsim.settings.toml_tables import TomlTable, parse_table, read_toml
+from glsim.core.files.atomic import write_atomic
+from glsim.core.files.regular import MOST_HELD, read_data
+from glsim.settings.toml_tables import TomlTable, parse_table, read_toml, toml_value
 
 #: The file that describes the camera, beside the frames.
 CAMERA_FILE = "camera.toml"
+#: First line of a file that glsim wrote and may replace.
+_WRITTEN: Final = b"# written by glsim beside its maps, which it describes"
 
 _Focal = Annotated[float, Field(ge=1, le=1e6)]
 _Coefficient = Literal["k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"]
@@ -102,6 +106,24 @@ def read_camera_file(file: Path) -> StatedCamera:
         table.channel, table.along_ray,
     )  # fmt: skip
     return own.over(sensor_camera(table.sensor, file)) if table.sensor else own
+
+
+def write_camera_file(camera: StatedCamera, folder: Path) -> None:
+    """Write what is known of a camera as ``camera.toml``; a file that glsim did not write stays.
+
+    The sensor stands in the name: the key ``sensor`` would also state intrinsics.
+    """
+    title = ": ".join(dict.fromkeys(filter(None, (camera.sensor, camera.name))))
+    values: dict[str, Any] = {"name": title, "unit_mm": camera.unit_mm}
+    values["baseline_m"] = camera.baseline_m
+    if (own := camera.intrinsics) is not None:
+        values |= {"width": own.width, "height": own.height}
+        values |= {"focal_px": (own.fx, own.fy), "centre_px": (own.cx, own.cy)}
+        if len(camera.distortion) <= len(names := get_args(_Coefficient)):
+            values["distortion"] = dict(zip(names, camera.distortion, strict=False))
+    file, lines = folder / CAMERA_FILE, [f"{k} = {toml_value(v)}" for k, v in values.items() if v]
+    if lines and (not file.exists() or read_data(file, MOST_HELD).startswith(_WRITTEN)):
+        write_atomic("\n".join([_WRITTEN.decode(), *lines, ""]).encode(), file)
 
 
 def sensor_camera(name: str, where: Path) -> StatedCamera:
