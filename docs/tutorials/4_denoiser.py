@@ -97,4 +97,4 @@ plt.show()
 # - Score it properly, with intervals and metrics that separate the surface from silhouettes: the
 #   next tutorial.
 # - What a denoiser keeps and removes: :doc:`/howto/denoise`. How networks hold on sensors that they
-#   never saw: :doc:`/results/transfer`.
+#   never saw: :doc:`/results/model_card`.
