@@ -1,7 +1,7 @@
 """Clothes: shells over the body that rest on the skin, hang and fold, with openings and seams.
 
-A garment is made in four steps. Its area is cut out of the skin. It is lifted as a membrane, which
-spans hollows and falls from shoulders and chest. It is folded. Its edges are finished.
+A garment is made in four steps. Its area is cut out of the skin. It spans the trunk, falls from
+the chest and is lifted as a membrane. It is folded. Its edges are finished.
 """
 
 from __future__ import annotations
@@ -53,8 +53,9 @@ _FREE_MM, _START_MM = 65.0, 30.0
 _ROUNDS, _NORMAL_ROUNDS, _SMOOTH_ROUNDS = 24, 8, 8
 #: Rounds of smoothing that blend trunk and limbs across their border. Chosen.
 _JOINED: Final = 6
-#: Height of folds on a bust relative to a whole body's. Chosen: its triangles are too long.
-_BUST_FOLDS: Final = 0.65
+#: Height of the slices in which the trunk is spanned, mm, number of directions around it, and
+#: largest distance of cloth that spans it, mm. Chosen.
+_SLICE_MM, _TURNS, _SPAN_MM = 25.0, 48, 80.0
 #: |noise| below which a fold has its crest; the noise's standard deviation is 0.3. Chosen: a
 #: quarter of a draped cloth is crest.
 _CREST: Final = 0.33
@@ -218,8 +219,7 @@ def make_clothes(
     top_mm = body.waist_mm + 12 if tucked else min(body.waist_mm, hem_mm + 60) + 12
     leg = np.where(on_leg, 780.0 * (lower.limb - body.share), far)
     legs = np.where(on_arm | on_foot, -1.0, leg)
-    folds = 1.0 if on_arm.any() else _BUST_FOLDS
-    upper = replace(upper, fold=upper.fold * folds, gathered=upper.gathered or tucked)
+    upper = replace(upper, gathered=upper.gathered or tucked)
     if tucked:
         lower, upper = replace(lower, ease=9.0), replace(upper, flare=0.0)
     pieces = [
@@ -257,9 +257,11 @@ def _garment(
     level = np.where(on_limb, piece.share / min(garment.limb, 1.0), piece.local[:, 1] / hem)
     rest = _REST_MM + 0.5 * garment.thick
     held = on_limb & (limbs == ARMS and garment.limb > 0.5) | garment.gathered
-    end = held * _step(level, 0.9, 0.98)  # ribs at the end; cloth bulges above them
-    bulge = held * 0.3 * np.exp(-(((level - 0.86) / 0.08) ** 2))
+    end = held * _step(level, 0.9, 0.98)  # ribs at the end
     mean = _averaging(piece)
+    if limbs == ARMS:
+        skin = _spanned(piece, on_limb, garment.hang, 1 - end, mean)
+        piece = replace(piece, skin=skin, normal=vertex_normals(skin, piece.grid.faces))
     border = _repeated(mean, _JOINED, on_limb.astype(np.float64))
     border = 4 * border * (1 - border)
 
@@ -273,14 +275,16 @@ def _garment(
     wide = _step(piece.local[:, 1], 0.0, 70.0) * on_limb
     ease = (1 - wide) * trunk + wide * limb
     ease *= 1 - _step(piece.normal[:, 1], 0.35, 0.85) * ~on_limb  # cloth rests on the shoulders
-    room = joined(ease * (1 + bulge) * (1 - 0.85 * end)) * scale
+    room = joined(ease * (1 - 0.85 * end)) * scale
     free = np.minimum(_PIT_MM + _PIT_SLOPE * away, _FREE_MM)
     room = rest + np.minimum(room, free)
     most = room + free * (1 - 0.9 * end)
-    surface, lift = _membrane(piece, room, most, rest, mean, _averaging(piece, garment.hang))
-    fold = garment.fold * scale * joined(_fold_heights(piece, level, on_limb, seed))
+    surface, lift = _membrane(piece, room, most, rest, mean)
+    fold = _fold_heights(piece, level, on_limb, seed)
+    fold = garment.fold * scale * joined(0.5 * fold + 0.5 * mean(fold))
+    fold *= 1.2 if limbs == ARMS else 0.8
     loose = np.maximum(lift - rest, 0.0)
-    height = np.maximum(np.clip(0.35 + loose / 14.0, 0.35, 1.35) * fold, -0.4 * loose)
+    height = np.maximum(np.clip(0.45 + loose / 14.0, 0.45, 1.6) * fold, -0.4 * loose)
     surface += height[:, None] * vertex_normals(surface, piece.grid.faces)
     if garment.placket:
         front = np.exp(-((piece.local[:, 0] / (14 * scale)) ** 4))
@@ -296,15 +300,11 @@ def _repeated(change: Averaging, rounds: int, values: Reals) -> Reals:
     return values
 
 
-def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
+def _averaging(piece: ClothBody) -> Averaging:
     """Return a function that averages (N,) or (k, N) values over neighbours."""
-    # With ``hang``, neighbours above weigh more than neighbours below.
     first, second = np.ascontiguousarray(piece.grid.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).T)
     count = len(piece.skin)
-    length = np.linalg.norm(piece.skin[first] - piece.skin[second], axis=1)
-    above = (piece.down[first] - piece.down[second]) / np.maximum(length, 1.0)
-    weight = np.exp(hang * np.clip(above, -1, 1))
-    weight /= np.maximum(np.bincount(first, weight, count), 1e-9)[first]
+    weight = 1 / np.bincount(first, minlength=count)[first]
 
     def mean(values: Reals) -> Reals:
         if values.ndim == 2:
@@ -315,18 +315,12 @@ def _averaging(piece: ClothBody, hang: float = 0.0) -> Averaging:
 
 
 def _membrane(
-    piece: ClothBody, room: Reals, most: Reals, rest: float, mean: Averaging, carried: Averaging
+    piece: ClothBody, room: Reals, most: Reals, rest: float, mean: Averaging
 ) -> tuple[Reals, Reals]:
-    """Lift cloth off the skin as a membrane that spans hollows.
+    """Lift cloth off the skin by ``room`` to ``most``, (N,) mm, as a membrane that spans hollows.
 
-    Args:
-        room, most: (N,) mm, smallest and largest height above the skin.
-        rest: smallest height of the result, mm.
-        mean: averages over neighbours.
-        carried: averages over neighbours, with more weight above.
-
-    Returns:
-        (N, 3) points of the cloth, mm, and their height above the skin, (N,) mm.
+    Returns the (N, 3) points of the cloth, mm, and their height above the skin, (N,) mm, which is
+    at least ``rest``.
     """
     out = np.ascontiguousarray(piece.normal.T)
     for _ in range(_NORMAL_ROUNDS):
@@ -335,7 +329,7 @@ def _membrane(
     start = _START_MM * _step(piece.down, 80.0, 240.0)  # 0 on the shoulders
     base, lift = np.ascontiguousarray(piece.skin.T), np.minimum(room + start, most)
     for _ in range(_ROUNDS):
-        over = ((carried(base + lift * out) - base) * out).sum(axis=0)
+        over = ((mean(base + lift * out) - base) * out).sum(axis=0)
         lift = np.clip(over, room, most)
     surface, normal = base + lift * out, piece.normal.T
     for _ in range(_SMOOTH_ROUNDS):  # cloth does not bend sharply
@@ -343,6 +337,39 @@ def _membrane(
     lift = ((surface - base) * normal).sum(axis=0)
     surface = surface + np.maximum(rest - lift, 0.0) * normal
     return np.ascontiguousarray(surface.T), np.maximum(lift, rest)
+
+
+def _spanned(piece: ClothBody, on_limb: Mask, hang: float, loose: Reals, mean: Averaging) -> Reals:
+    """Move the skin of the trunk, (N, 3) mm, out to where cloth spans its hollows.
+
+    Cloth under tension goes straight around the trunk from bulge to bulge: a slice becomes its
+    convex hull. Below the armpits cloth falls, the straighter the more ``hang``, 0 to 1.
+    ``loose``: (N,) share of the way.
+    """
+    trunk = np.flatnonzero(~on_limb)
+    skin, top_mm = piece.skin[trunk], float(piece.skin[:, 1].max())
+    flat = (skin - np.median(skin, axis=0))[:, [0, 2]]
+    place = (top_mm - skin[:, 1]) / _SLICE_MM
+    row, part = place.astype(np.int64), (place % 1.0)[:, None]
+    turn = np.linspace(0, 2 * np.pi, _TURNS, endpoint=False)
+    ways = np.stack([np.cos(turn), np.sin(turn)])
+    support = np.zeros((row.max() + 2, _TURNS))
+    for rows in (row, row + 1):
+        np.maximum.at(support, rows, product(flat, ways))
+    armpit = max(int((top_mm - piece.armpits[:, 1].mean()) / _SLICE_MM), 0)
+    for k in range(armpit + 1, len(support)):
+        support[k] = np.maximum(support[k], support[k - 1] - 0.5 * (1 - hang) * _SLICE_MM)
+    radius = np.maximum(np.linalg.norm(flat, axis=1), 1e-3)
+    unit = flat / radius[:, None]
+    cosine = np.maximum(product(unit, ways), 0.1)
+    reach = (((1 - part) * support[row] + part * support[row + 1]) / cosine).min(axis=1)
+    # Cloth rests on the shoulders and at its upper edge, and lies on a seat.
+    share = _step(piece.down, 60.0, 160.0) * _step(piece.opening, 0.0, 90.0) * loose
+    share *= 1 - _step(piece.normal[:, 1], 0.65, 0.95)
+    share *= _step(piece.skin[:, 1] - piece.crotch_mm, 110.0, 210.0)
+    moved = np.zeros((3, len(piece.skin)))
+    moved[::2, trunk] = share[trunk] * np.clip(reach - radius, 0.0, _SPAN_MM) * unit.T
+    return piece.skin + _repeated(mean, _JOINED, moved).T
 
 
 def _shoes(piece: ClothBody, surface: Reals, ease: float) -> Reals:
@@ -391,7 +418,9 @@ def _fold_heights(piece: ClothBody, level: Reals, on_limb: Mask, seed: int) -> R
     wound = local + warp + np.outer(0.5 * on_limb * local[:, 1], (1.0, 0.0, 0.0))
     flutes = crests(wound / (85.0, 380.0, 85.0) / fine, seed)
     leaning = local + 0.45 * local[:, [1, 0, 2]] * ~on_limb[:, None] + warp
-    piled = crests(leaning / (170.0, 58.0, 170.0) / fine, seed + 1)
+    # Around a limb a fold ends: no rings.
+    wide = np.where(on_limb[:, None], (65.0, 42.0, 65.0), (170.0, 58.0, 170.0))
+    piled = crests(leaning / wide, seed + 1)
     soft = smooth_noise(local / (80.0, 60.0, 80.0), seed + 2)
     heap = np.where(
         on_limb,
@@ -406,7 +435,7 @@ def _fold_heights(piece: ClothBody, level: Reals, on_limb: Mask, seed: int) -> R
         # The noise is stretched along a line down and to the middle: its crests follow this line.
         along = np.sin(turn) * side * away[:, 0] - np.cos(turn) * away[:, 1]
         across = np.cos(turn) * side * away[:, 0] + np.sin(turn) * away[:, 1]
-        pulled = crests(np.stack([along / 190, across / 50, away[:, 2] / 130], 1), seed + 4 + side)
+        pulled = crests(np.stack([along / 190, across / 80, away[:, 2] / 130], 1), seed + 4 + side)
         near = np.exp(-((np.linalg.norm(away, axis=1) / 190.0) ** 2)) * ~on_limb
         height += amount * near * pulled
     return np.asarray(height)

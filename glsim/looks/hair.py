@@ -110,7 +110,7 @@ def _cap(head: Head, scalp: Scalp) -> list[Sheet]:
     out[:, 1] = np.where(out[:, 1] < 0, 0.35 * out[:, 1], out[:, 1])  # it stands out less
     out /= np.linalg.norm(out, axis=1, keepdims=True)
     sheets = []
-    stray = head.stray * np.clip(thickness / 10.0, 0, 1)  # as short as stubble, hair does not stray
+    stray = style.stray * np.clip(thickness / 10.0, 0, 1)  # stubble does not stray
     for here, below, (_, _, cover) in zip(deep, [*deep[1:], top], _SHEETS, strict=True):
         height = np.maximum(top - here, 0.3)
         points, sink = _leaning(head, used, height / thickness), below - here

@@ -123,11 +123,6 @@ class Head(NamedTuple):
     ragged: Reals
     seed: int
 
-    @property
-    def stray(self) -> float:
-        """Number of stray hairs relative to lib/strands.glsl; more on hair that stands. Chosen."""
-        return self.style.stray * (0.5 + 1.5 * self.style.lift)
-
 
 def strands_of(style: HairStyle, places: Reals, cover: Reals, sink: Reals, seed: int) -> Reals:
     """Return the strands, (N, 5) as in ``Mesh``, at (N, 3) mm across and along the strands."""
@@ -199,7 +194,7 @@ def hanging(head: Head) -> list[Sheet]:
     sheets = []
     for deep, cover in _HANGING:
         raised = sheet + (height.reshape(rows, -1, 1) - deep) * (around + np.array([0.0, 0.1, 0.0]))
-        cover, sink = (cover, 5.0) if deep >= 0 else (head.stray, deep)
+        cover, sink = (cover, 5.0) if deep >= 0 else (style.stray, deep)
         strands = strands_of(style, where, cover * dense, np.full(len(where), sink), head.seed)
         light = np.full(len(where), np.exp(-max(deep, 0.0) / LOST_MM))
         sheets.append(Sheet(np.tile(root, rows), raised.reshape(-1, 3), faces, strands, light))

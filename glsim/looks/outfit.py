@@ -167,5 +167,6 @@ def _varied(style: HairStyle, rng: np.random.Generator) -> HairStyle:
     factors = {"top": volume, "side": volume, "back": volume, "hang": length}
     factors |= {name: rng.uniform(*span) for name, span in _FACTORS.items()}
     scaled: dict[str, Any] = {name: getattr(style, name) * by for name, by in factors.items()}
+    scaled["stray"] *= 0.5 + 1.5 * style.lift  # more where hair stands out; chosen
     scaled["parting"] = style.parting * (1.0 if rng.random() < 0.5 else -1.0) + rng.normal(0, 4)
     return replace(style, lock=(style.lock[0] * length, style.lock[1] * length), **scaled)

@@ -63,7 +63,7 @@ class HairStyle:
 
 #: Direction of the crown, up and back, from which short hair radiates.
 CROWN: Final = np.array([0.0, 0.86, -0.51])
-#: Height above the hair of the sheet for the halo of stray hairs, mm: a tenth is left there.
+#: Height above the hair of the sheet for the halo of stray hairs, mm: a sixth is left there.
 HALO_MM = 18.0
 #: The content of styles.toml.
 STYLE_TABLE: Final = tomllib.loads(files(__package__).joinpath("styles.toml").read_text("utf-8"))
