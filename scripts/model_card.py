@@ -31,7 +31,7 @@ SETS: Final = {
     "`oak-d-pro`*": ("oak-d-pro", []),
 }  # fmt: skip
 _FILTERS: Final = ("guided:radius=1,epsilon_mm=5", "tgv", *(["bm3d"] if find_spec("bm3d") else []))
-_NETWORKS: Final = ("face", "face-kinect-v2", "face-azure-kinect", "face-stereo")
+_NETWORKS: Final = ("face", "face-azure-kinect", "face-stereo")
 #: Metric -> digits of its means.
 _METRICS: Final = {"input_interior_rmse_mm": 2, "normal_mean_deg": 1, "ring_lost_pct": 0}
 

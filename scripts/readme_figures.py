@@ -42,7 +42,7 @@ _ON_ONE_MAP: Final = (
     "truedepth", "kinect-v1-pattern", "kinect-v2-fankhauser", "any-depth-camera",
 )  # fmt: skip
 #: Denoisers of form.
-_ON_FORM: Final = ("face-kinect-v2", "face", "guided:radius=1,epsilon_mm=5")
+_ON_FORM: Final = ("face", "guided:radius=1,epsilon_mm=5", "tgv")
 
 
 def _frames(preset: str | None, people: int, **overrides: Any) -> list[Frame]:

@@ -19,18 +19,13 @@ from glsim.sensors.sensor import sensor_names
 
 #: The network for noise that is alike over many pixels, as that of active stereo.
 WIDE: Final = "face-stereo"
-#: Noise between neighbours, divided by that over 2 px: 1 is white, less is shared by neighbours.
-#: Least ratio, most noise between neighbours, mm -> network, the first that fits. Measured on 40
-#: sets of six heads: white models and Kinect V1 0.90 to 1.03, where face-kinect-v2 is 20 % worse;
-#: Azure Kinect and Femto Bolt 0.74 to 0.79 and 0.24 to 0.32 mm (a real one 0.73), where
-#: face-azure-kinect is 6 to 15 % better than `face`, elsewhere worse; Kinect V2 0.36 to 0.48 (real
-#: 0.46), where face-kinect-v2 is 2 to 5 % better.
-_BY_WIDTH: Final = (
-    (0.85, np.inf, SHIPPED),
-    (0.62, 0.5, "face-azure-kinect"),
-    (0.62, np.inf, SHIPPED),
-    (0.0, np.inf, "face-kinect-v2"),
-)
+#: For noise that neighbours share a little, as that of Azure Kinects.
+SHARED: Final = "face-azure-kinect"
+#: Bounds of noise between neighbours, divided by that over 2 px (1 is white), and most noise
+#: between neighbours, mm, for SHARED. Measured on 40 sets of six heads: Azure Kinect and Femto Bolt
+#: 0.74 to 0.79 and 0.24 to 0.32 mm (a real one 0.73), where it is 6 to 15 % better than `face`;
+#: white models and Kinect V1 0.90 to 1.03, Kinect V2 0.36 to 0.48 (real 0.46): it is worse there.
+_SHARED_RATIOS, _SHARED_MOST_MM = (0.62, 0.85), 0.5
 #: First words of the names of sensors of active stereo.
 _STEREO: Final = ("realsense", "truedepth", "oak")
 #: Largest number of maps on which both networks are tried, and side of their middle, px.
@@ -88,9 +83,9 @@ def _for_width(maps_mm: Sequence[Depth]) -> tuple[str, str]:
     if not known:
         return SHIPPED, "the maps show no noise on surfaces that tells more"
     near_mm, ratio = (float(np.median(values)) for values in zip(*known, strict=True))
-    fits = (name for least, most_mm, name in _BY_WIDTH if ratio >= least and near_mm <= most_mm)
+    shared = _SHARED_RATIOS[0] <= ratio < _SHARED_RATIOS[1] and near_mm <= _SHARED_MOST_MM
     noise = f"{near_mm:.2g} mm between neighbours, {ratio:.2f} of that over 2 px"
-    return next(fits), f"its noise is {noise}"
+    return SHARED if shared else SHIPPED, f"its noise is {noise}"
 
 
 class _TakenAway(NamedTuple):

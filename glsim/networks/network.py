@@ -8,6 +8,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from glsim.core.array_types import Depth, Floats, Mask, Probability
+from glsim.core.depth_map import FLYING_MM
 from glsim.core.errors import DenoiserError
 from glsim.networks.composites import calibrated
 from glsim.networks.inputs import NetworkInputs, stack_inputs
@@ -45,6 +46,7 @@ class NetworkFunction(DepthFunction):
         earlier: number of earlier frames that the network sees; frames may be missing.
         average: where nothing moves, the network sees the mean of this number of past frames,
             including the denoised frame.
+        mirror: whether outputs are averaged with those of the frame's mirror image.
         protocol, keep_clean, margin_px, unlikely: see ``NetworkRecord``.
     """
 
@@ -56,13 +58,13 @@ class NetworkFunction(DepthFunction):
         """
         self._network, self._name, self._min_probability = network, name, min_probability
         self.earlier, self.after = network.inputs
-        self.before, self.average = self.earlier, 1
+        self.before, self.average, self.mirror = self.earlier, 1, False
         self.uncertain = "sigma_mm" in network.outputs
         self.protocol, self.keep_clean, self.margin_px, self.unlikely = network.record
 
-    def configure(self, earlier: int, average: int, keep_clean: bool | None) -> None:
-        """Set ``earlier``, ``average`` and, unless it is None, ``keep_clean``."""
-        self.earlier, self.average = min(self.earlier, earlier), average
+    def configure(self, earlier: int, average: int, mirror: bool, keep_clean: bool | None) -> None:
+        """Set ``earlier``, ``average``, ``mirror`` and, unless it is None, ``keep_clean``."""
+        self.earlier, self.average, self.mirror = min(self.earlier, earlier), average, mirror
         self.before = max(self.earlier, average - 1)
         if keep_clean is not None:
             self.keep_clean = keep_clean
@@ -117,12 +119,23 @@ class NetworkFunction(DepthFunction):
         if "probability" in self._network.outputs:
             box = box_around(np.any(stack > 0, axis=0), self.margin_px)
         if box is None:
-            return self._run_padded(stack)
+            return self._run_both(stack)
         outputs = {}
-        for name, image in self._run_padded(stack[:, *box]).items():
+        for name, image in self._run_both(stack[:, *box]).items():
             outputs[name] = np.zeros(stack.shape[1:], np.float32)
             outputs[name][box] = image
         return outputs
+
+    def _run_both(self, stack: Depth) -> dict[str, Depth]:
+        """Run the network; if ``mirror``, average with the outputs of the mirror image."""
+        outputs = self._run_padded(stack)
+        if not self.mirror:
+            return outputs
+        mirrored = self._run_padded(stack[:, :, ::-1])
+        both = {name: (image + mirrored[name][:, ::-1]) / 2 for name, image in outputs.items()}
+        depth_mm = outputs["depth_mm"]  # two surfaces have no mean: the first stays
+        agree = np.abs(both["depth_mm"] - depth_mm) < FLYING_MM / 2
+        return both | {"depth_mm": np.where(agree, both["depth_mm"], depth_mm)}
 
     def _run_padded(self, stack: Depth) -> dict[str, Depth]:
         """Pad a stack, run the network (in tiles if large), and cut the outputs to its size."""

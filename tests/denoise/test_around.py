@@ -52,6 +52,20 @@ def test_a_network_around_depth_gives_what_it_gives_on_the_whole_frame(
     np.testing.assert_allclose(near.depth_mm[some], whole.depth_mm[some], atol=0.01)
 
 
+def test_with_the_mirror_image_left_and_right_are_treated_alike() -> None:
+    frame = head(1400.0)
+    some = frame > 0
+    unlike = []
+    for spec in ("face", "face:mirror=1"):
+        denoiser = load_denoiser(spec)
+        depth_mm, mirrored_mm = (
+            denoiser.estimate(noisy[None]).depth_mm for noisy in (frame, frame[:, ::-1].copy())
+        )
+        unlike.append(np.mean(np.abs(depth_mm - mirrored_mm[:, ::-1])[some] > 0.01))
+    assert unlike[0] > 0.5
+    assert unlike[1] < 0.001, "but for pixels of which the mirror image chooses another surface"
+
+
 @pytest.mark.parametrize(
     ("wall_mm", "distance_mm"), [(None, 900.0), (1400.0, 900.0), (2500.0, 1300.0)]
 )
