@@ -44,7 +44,8 @@ class Mesh:
             which may be open or have triangles in random orders of vertices.
         strands: (V, 5) float32 for a sheet of hair: coordinates of the strands, two across them
             and one along them, in widths and lengths of a strand; share of the sheet that strands
-            cover; depth, mm, down to which they lie below it. None: a closed surface.
+            cover; depth, mm, down to which they lie below it, or minus the height of a halo of
+            stray hairs. None: a closed surface.
     """
 
     vertices_mm: Floats

@@ -49,7 +49,7 @@ float stray_hair(float over_m, float facing, vec3 q) {
     float met = high > 0.0 ? most * exp(-high / FALL_M)
         : min(FALL_M / sqrt(max(1.0 - inside * inside, 1e-4)), 0.5 * most);
     float tuft = 0.6 + 0.8 * uniform01(cell_word(floor(q / TUFT) + 0.5));
-    if (!gl_FrontFacing || 1.0 - exp(-STRAY * v_strand.w * tuft * met) < limit) return 0.0;
+    if (1.0 - exp(-STRAY * v_strand.w * tuft * met) < limit) return 0.0;
     float way = outer * facing - (high > 0.0 ? 0.0 : HEAD_M * sqrt(max(1.0 - inside * inside, 0.0)));
     float along = (uniform01(cell_word(floor(q))) - 0.5) * 2.0 * sqrt(HEAD_M * FALL_M);
     return v_sheet_m.z + (high > 0.0 ? way + along : way - min(abs(along), 0.8 * way));
@@ -58,14 +58,16 @@ float stray_hair(float over_m, float facing, vec3 q) {
 // Depth, m, and albedo of the strand at a sample of a sheet with an albedo; discards the sample in a gap.
 // The albedo is negative, which says that fibres scatter the light: they are as bright from all sides.
 vec2 strand_seen(float albedo) {
+    vec3 across = normalize(cross(dFdx(v_sheet_m), dFdy(v_sheet_m)));
+    float facing = abs(dot(across, normalize(v_sheet_m)));
+    // The near half of a halo stands for both. This is early, because drivers skip what follows.
+    if (v_sink_m < 0.0 && !gl_FrontFacing) discard;
     vec3 q = v_strand.xyz;
     // Strands are not straight: they swing by half of their width. Chosen.
     q.xy += 0.5 * sin(2.4 * q.z + 0.7 * q.yx);
     uint own = cell_word(floor(q)), together = cell_word(floor(q / TUFT) + 0.5);
     float dense = uniform01(together), lies = uniform01(together << 12u);
     // A ray that grazes the sheet meets more strands: the gaps that are left fall as in Beer's law.
-    vec3 across = normalize(cross(dFdx(v_sheet_m), dFdy(v_sheet_m)));
-    float facing = abs(dot(across, normalize(v_sheet_m)));
     float gaps = max(1.0 - v_strand.w * (0.2 + 1.6 * dense), 0.0);
     float share = v_sink_m < 0.0 ? 0.0 : 0.6 * uniform01(own << 12u) + 1.8 * lies * lies;
     float deep = v_sheet_m.z + v_sink_m * share;
