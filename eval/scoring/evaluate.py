@@ -77,7 +77,8 @@ def evaluate(
     methods = load_methods(job.denoisers)  # raises errors before scoring starts
     frames = job.frames()
     if len(frames) == 0:
-        raise ConfigError(f"{job.dataset}: has no frames in {job.split}")
+        advice = "take another --split, or generate more people"
+        raise ConfigError(f"{job.dataset}: has no frames in {job.split}: {advice}")
     for method in methods:
         method.check_protocol(frames.protocol)
     if baselines:

@@ -104,7 +104,9 @@ def _print_summary(scores: RealScores) -> None:
 
     from glsim.eval.report.score_tables import format_number
 
-    table = Table("method", title=f"{scores.title}: {len(scores.checksums)} real frames")
+    frames = f"{len(scores.checksums)} real frames"
+    title = f"{scores.title}: {frames}; pairs, planes, board: change of the error"
+    table = Table("method", title=title)
     heads = ("static pairs [%]", "planes [%]", "board [%]", "largest shift [mm]", "ring lost [%]",
              "filled [%]", "lone filled", "pinholes")  # fmt: skip
     for head in heads:
