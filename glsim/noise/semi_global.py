@@ -82,9 +82,11 @@ def match(left: Floats, right: Floats, p: Mapping[str, float]) -> Disparities:
     if p["refine_px"] > 0:
         window_px = int(p["refine_px"]) | 1, int(p["refine_across_px"] or p["refine_px"]) | 1
         for _ in range(int(p["refine_rounds"])):
-            found = _align(found, views[0], views[1], window_px)
+            found, apart = _align(found, views[0], views[1], window_px)
             if p["refine_mean"] > 0:
                 found = _support_mean(found, along, across, p["support_step_px"])
+        if p["unlike_medians"] > 0 and (found >= 0).any():
+            found[apart > p["unlike_medians"] * np.median(apart[found >= 0])] = NO_MATCH
     return found
 
 
@@ -156,7 +158,7 @@ def _align(
     left: NDArray[np.uint8],
     right: NDArray[np.uint8],
     window_px: tuple[int, int],
-) -> Disparities:
+) -> tuple[Disparities, Array]:
     """Refine disparities: minimise the squared differences between the windows of two images.
 
     It does one step of Lucas and Kanade, "An Iterative Image Registration Technique" (1981), in
@@ -167,6 +169,8 @@ def _align(
         found: (H, W) smooth disparities, 1/256 px.
         left, right: (H, W) images of even contrast; the second camera stands to the right.
         window_px: sides of the window along the baseline and across it, odd.
+
+    Returns the disparities, and each pixel's difference between the images before, (H, W) counts.
     """
     import cv2
 
@@ -191,7 +195,8 @@ def _align(
     )
     # A larger disparity lies further left in the second image: the slope's sign changes.
     step = np.rint(-above / np.maximum(below, 1.0)).clip(-_MOST, _MOST)
-    return np.where(known, found + step.astype(np.int32), found)
+    refined = np.where(known, found + step.astype(np.int32), found)
+    return refined, np.abs(apart) / 2.0**17
 
 
 def _interpolated(

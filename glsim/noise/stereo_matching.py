@@ -89,6 +89,10 @@ def _reach_px(p: Mapping[str, float]) -> int:
     refine_across_px=("int", 0, 0, 31, "px", "its side across the baseline, odd; 0: the same"),
     refine_rounds=("int", 2, 1, 4, "1", "how often: once leaves 0.03 px of that preference"),
     refine_mean=("int", 1, 0, 1, "1", "1: the support region is averaged after each round too"),
+    unlike_medians=(
+        "float", 0.0, 0, 100, "1", "reject single pixels whose two images differ by more than this "
+        "many times the median after the alignment, as D4xx cameras judge by a median; 0: none",
+    ),
     subpixel_steps=("int", 32, 1, 256, "1", "steps of the disparity per pixel"),
     amplitude_px=(
         "float", 0.0, -0.5, 0.5, "px", "sine over a disparity's fraction that is added, against "

@@ -232,3 +232,20 @@ def test_refinement_removes_the_preference_of_whole_pixels() -> None:
     )
     assert np.ptp(plain) > 0.15
     assert np.ptp(refined) < 0.5 * np.ptp(plain) - 0.01
+
+
+def test_pixels_whose_images_are_unlike_are_single_holes() -> None:
+    left, right = seen(np.full((HEIGHT, WIDTH), 20.0))
+    rng = np.random.default_rng(4)
+    spots = np.zeros(left.shape, bool)
+    spots[20:-20:20, 120:-20:25] = True
+    changed = np.where(spots, 255 - left, left) + rng.normal(0, 2, left.shape)
+    inner = np.s_[10:-10, 110:-10]
+    whole, cut = (
+        match(changed.astype(np.float32), right, parameters(refine_px=9, unlike_medians=limit))
+        for limit in (0.0, 12.0)
+    )
+    lost = (whole >= 0) & (cut < 0)
+    assert lost[inner][spots[inner] & (np.abs(255 - 2 * left) > 60)[inner]].mean() > 0.9
+    assert lost[inner][~spots[inner]].mean() < 0.01
+    np.testing.assert_array_equal(whole[~lost], cut[~lost])
