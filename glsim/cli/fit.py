@@ -45,11 +45,14 @@ def fit(
     The base sensor is the nearest by its depths (the steps of disparity, focal length times
     baseline), the size and unit of its frames and the correlation of its noise; rivals are printed.
     If two are close, --base must name it. For cameras that match images the fit finds focal length
-    times baseline, the temporal and the static noise of disparity, and its correlation.
+    times baseline, the temporal and the static noise of disparity, the correlation of both, the
+    gap beside rims and the single holes. What a recording does not show stays the base's.
 
     The fit uses the first half of the frames. The second half is compared with its replay through
-    base and fitted sensor; the table stands in the head of the written file. The exit status is 1
-    if the fitted sensor is not better than its base by two standard errors: take the base then.
+    base and fitted sensor: noise that changes and noise that stays, its correlation, single holes,
+    gaps and residuals, with standard errors. The table stands in the head of the written file. The
+    exit status is 1 if the fitted sensor is not better than its base by two standard errors: take
+    the base then. Fewer than 8 frames are not halved.
 
     Args:
         frames: A recording as glsim import kinect2 reads it, a data set, or files.
@@ -60,7 +63,7 @@ def fit(
         base: Base sensor: a Kinect V2, an Azure Kinect, or one that matches images. Default: by
             evidence in the frames.
         part: Frames to use, counted from 0, without B. Default: all.
-        proof: Fit one half and test on the other. Needs the extra eval and 8 frames.
+        proof: Fit one half and test on the other. Needs the extra eval.
         topic: Topic of the depth images in a bag. Default: native images named depth.
     """
     from dataclasses import replace
@@ -79,36 +82,37 @@ def fit(
     recording = open_maps(frames, unit_mm=depth_unit_mm, topic=topic)
     first, last, _ = _part(part).indices(len(recording.frames))
     choice = choose_base(recording, base, focal_px)
-    proof = proof and last - first >= LEAST_FRAMES and find_spec("sklearn") is not None
-    used = slice(first, (first + last) // 2 if proof else last)
+    proof = proof and find_spec("sklearn") is not None
+    halved = proof and last - first >= LEAST_FRAMES
+    used = slice(first, (first + last) // 2 if halved else last)
     if choice.name in TIME_OF_FLIGHT:
         fitted = fit_time_of_flight(recording, choice.name, albedo, focal_px, used)
     else:
         fitted = fit_stereo(recording, choice.name, focal_px, used)
-    own, better, table = fitted.lines["base"], True, ["Not tested on frames of its own."]
+    own, better = fitted.lines["base"], True
+    table = ["Not tested on frames of its own."]
     if proof:
-        unseen = slice(used.stop, last)
-        result = prove(recording, unseen, fitted, own, print_message)
-        better = result.better
-        title = f"Frames {unseen.start} to {last - 1}, unseen by the fit, and their replays:"
-        table = [title, *result.lines]
+        tested = slice(used.stop, last) if halved else used
+        proven, better = prove(recording, tested, fitted, own, print_message)
+        seen = "unseen by the fit" if halved else "seen by the fit, no test of it"
+        title = f"Frames {tested.start} to {last - 1}, {seen}, and their replays:"
+        table = [title, *proven]
+        better |= not halved
         if not better:
             table.append(f"Not better than {own} by two standard errors: {own} is recommended.")
-    evidence = f"Base: {choice.text}"
-    head = [f"# {line}".rstrip() for line in (*table, evidence)]
+    head = [f"# {line}" for line in (*table, f"Base: {choice.text}")]
     lines = {**fitted.lines, "base": choice.text.replace(choice.name, own, 1)}
     fitted = replace(fitted, text="\n".join(head) + "\n" + fitted.text, lines=lines)
     written = write_fitted(fitted, out)
     if as_json:
-        facts = {"proof": table, "better_than_base": better if proof else None}
+        facts = {"proof": table, "better_than_base": better if halved else None}
         print_json({"sensor": str(out), "results": fitted.lines, **facts})
     elif not options.quiet:
         results = [f"{name}: {text}" for name, text in lines.items()]
         typer.echo("\n".join([*results, *table]))
     print_written(written)
-    sentence = recording.sentence(focal_px, "the base sensor")
-    for note in filter(None, (*fitted.notes, sentence)):
-        print_message(note)
+    if sentence := recording.sentence(focal_px, "the base sensor"):
+        print_message(sentence)
     return 0 if better else 1
 
 

@@ -3,19 +3,20 @@
 Disparity is focal length times baseline over depth, px. If the product is unknown, 1 / depth, 1/m,
 replaces it. A plane is linear in both. Tiles of 40 x 40 px with depth in 97 % of their pixels are
 compared with a robust plane. Three figures describe the matcher: the spread about the plane, its
-part that does not change from frame to frame, and the correlation between pixels.
+part that does not change from frame to frame, and the correlation between pixels of each part.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.array_types import Array, Whole
-from glsim.measures.correlation import correlation_of, lagged_sums
+from glsim.measures.correlation import lagged_sums
 from glsim.measures.stacks import with_nan
 
 #: Distances at which the correlation is computed, px. Chosen: with a matcher's support region of 13
@@ -29,6 +30,9 @@ _CLIP, _ROUNDS = 4.0, 10
 _CLIP_DIFFERENCE = 5.0
 #: Smallest number of tiles for a figure. Chosen: the median of five is known to about 20 %.
 LEAST_TILES = 5
+#: Number of parts of an image whose spread says the errors. Chosen: errors are known to a quarter.
+_BLOCKS = 8
+_NONE = (float("nan"),) * len(LAGS_PX)
 
 
 @dataclass(frozen=True)
@@ -43,6 +47,7 @@ class DisparityNoise:
         static: median root of the covariance of the residuals of two frames, the static noise.
         frame_rows: (7,) correlation of the difference along rows, all tiles together.
         frame_columns: (7,) the same along columns.
+        static_rows, static_columns: (7,) correlation of the static noise, median over the tiles.
 
     A figure from fewer than LEAST_TILES tiles is NaN.
     """
@@ -56,6 +61,8 @@ class DisparityNoise:
     static: float
     frame_rows: tuple[float, ...]
     frame_columns: tuple[float, ...]
+    static_rows: tuple[float, ...]
+    static_columns: tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +81,11 @@ class Tiles:
     level: Array
     residual: Array
     sigma: Array
+
+    @property
+    def place(self) -> Whole:
+        """(N,) numbers of the tiles, by rows and columns."""
+        return np.asarray((self.top << 32) + self.left)
 
 
 def to_disparity(depth_mm: NDArray[np.generic], focal_baseline_px_mm: float | None = None) -> Array:
@@ -143,64 +155,105 @@ def measure_disparity_noise(
     disparity: Sequence[Array], pairs: Sequence[tuple[int, int]] = ()
 ) -> DisparityNoise:
     """Measure the noise of (H, W) disparities, NaN = none, and of static pairs of frame numbers."""
+    return _figures(_parts(disparity, pairs), len(pairs))
+
+
+def measure_blocks(
+    disparity: Sequence[Array], pairs: Sequence[tuple[int, int]]
+) -> list[DisparityNoise]:
+    """Measure the noise of all tiles, then without each of _BLOCKS parts of the image.
+
+    The spread of the latter says the standard errors (``glsim.measures.stacks.jackknife_error``).
+    """
+    parts = _parts(disparity, pairs)
+    found = [_figures(parts, len(pairs))]
+    for block in np.array_split(np.unique(parts[0].place), _BLOCKS):
+        kept = [(p, ~np.isin(p.place, block)) for p in parts]
+        left = [_Part(p.place[k], p.variance[k], p.sums[k]) for p, k in kept]
+        found.append(_figures(left, len(pairs)))
+    return found
+
+
+class _Part(NamedTuple):
+    """One part of the noise in N tiles: place in the image, variance, lagged sums.
+
+    ``sums``: (N, 2, L, 2), along rows and along columns, at LAGS_PX, of products and of squares.
+    """
+
+    place: Whole
+    variance: Array
+    sums: Array
+
+
+def _joined(found: Iterable[tuple[Whole, Array, Array]]) -> _Part:
+    empty = np.zeros(0, np.int64), np.zeros(0), np.zeros((0, 2, len(LAGS_PX), 2))
+    return _Part(*(np.concatenate(column) for column in zip(empty, *found, strict=True)))
+
+
+def _parts(
+    disparity: Sequence[Array], pairs: Sequence[tuple[int, int]]
+) -> tuple[_Part, _Part, _Part]:
+    """Measure the residual, the temporal noise and the static noise of each tile."""
     tiles = [find_tiles(image) for image in disparity]
-    sigma = np.concatenate([t.sigma for t in tiles])
-    residual = np.concatenate([t.residual for t in tiles])
-    frame, static, squares = [], [], []
-    for first, second in pairs:
-        own = _pair_tiles(disparity[first], disparity[second], tiles[first])
-        frame.append(own[0])
-        static.append(_shared_variance(tiles[first], tiles[second]))
-        squares.append(own[1])
-    differences = np.concatenate([np.zeros((0, TILE_PX, TILE_PX)), *squares])
-    rows, columns = _correlations(residual, pooled=False)
+    return (
+        _joined((t.place, t.sigma**2, _sums(t.residual)) for t in tiles),
+        _joined(_temporal(disparity[a], disparity[b], tiles[a]) for a, b in pairs),
+        _joined(_static(tiles[a], tiles[b]) for a, b in pairs),
+    )
+
+
+def _sums(images: Array) -> Array:
+    lags = [(0, lag) for lag in LAGS_PX], [(lag, 0) for lag in LAGS_PX]
+    return np.stack([lagged_sums(images, along) for along in lags], axis=1)
+
+
+def _figures(parts: Sequence[_Part], pairs: int) -> DisparityNoise:
+    residual, temporal, static = parts
+    sigma, frame = (_median(np.sqrt(part.variance)) for part in (residual, temporal))
+    own = float(np.sqrt(np.maximum(_median(static.variance), 0.0)))
+    # The residual's is the mean over tiles, where a few uneven ones do not decide.
+    each = residual.sums / np.where(residual.sums[..., 1:] > 0, residual.sums[..., 1:], np.nan)
     return DisparityNoise(
-        int(sigma.size), _median([sigma]), rows, columns, len(pairs), _median(frame),
-        float(np.sqrt(np.maximum(_median(static), 0.0))), *_correlations(differences, pooled=True),
+        len(residual.place), sigma, *_correlations(np.nanmean, each), pairs, frame, own,
+        *_correlations(np.sum, temporal.sums), *_correlations(np.median, static.sums),
     )  # fmt: skip
 
 
-def _correlations(tiles: Array, *, pooled: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    """Compute the autocorrelation of (N, S, S) tiles at LAGS_PX, along rows and along columns."""
-    # Pooled: of all tiles together. Otherwise their mean, where a few uneven tiles do not decide.
-    found = []
-    for lags in ([(0, lag) for lag in LAGS_PX], [(lag, 0) for lag in LAGS_PX]):
-        sums = lagged_sums(tiles, lags)
-        with np.errstate(invalid="ignore"):
-            each = sums[..., 0] / sums[..., 1]
-        if len(tiles) < LEAST_TILES:
-            found.append((float("nan"),) * len(LAGS_PX))
-        elif pooled:
-            found.append(correlation_of([sums]))
-        else:
-            known = [c[np.isfinite(c)] for c in each.T]
-            found.append(tuple(float(c.mean()) if c.size else float("nan") for c in known))
-    return found[0], found[1]
+def _correlations(
+    mean: Callable[..., Array], sums: Array
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Compute correlations along rows and along columns from the mean sums of the tiles."""
+    if len(sums) < LEAST_TILES:
+        return _NONE, _NONE
+    products, squares = np.moveaxis(mean(sums, axis=0), -1, 0)
+    rows, columns = (products / np.where(squares > 0, squares, np.nan)).tolist()
+    return tuple(rows), tuple(columns)
 
 
-def _pair_tiles(first: Array, second: Array, tiles: Tiles) -> tuple[Array, Array]:
-    """Measure each tile's temporal noise; also return (N, S, S) differences / sqrt 2, mean 0."""
+def _temporal(first: Array, second: Array, tiles: Tiles) -> tuple[Whole, Array, Array]:
+    """Measure each tile's temporal noise, the difference of two frames over sqrt 2, mean 0."""
     difference = (second - first) / np.sqrt(2.0)
-    place = np.arange(TILE_PX)
-    rows, columns = tiles.top[:, None, None] + place[:, None], tiles.left[:, None, None] + place
+    side = np.arange(TILE_PX)
+    rows, columns = tiles.top[:, None, None] + side[:, None], tiles.left[:, None, None] + side
     parts = difference[rows, columns]
-    parts = parts[np.isfinite(parts).mean(axis=(1, 2)) >= LEAST_SHARE**2]
+    full = np.isfinite(parts).mean(axis=(1, 2)) >= LEAST_SHARE**2
+    parts = parts[full]
     away = np.abs(parts - np.nanmedian(parts, axis=(1, 2), keepdims=True))
     parts = np.where(away <= _CLIP_DIFFERENCE * _spread(away, (1, 2)) + 1e-12, parts, np.nan)
     squares = parts - np.nanmean(parts, axis=(1, 2), keepdims=True)
     count = np.maximum(np.isfinite(squares).sum(axis=(1, 2)) - 1, 1)
-    return np.sqrt(np.nansum(squares**2, axis=(1, 2)) / count), squares
+    return tiles.place[full], np.nansum(squares**2, axis=(1, 2)) / count, _sums(squares)
 
 
-def _shared_variance(first: Tiles, second: Tiles) -> Array:
+def _static(first: Tiles, second: Tiles) -> tuple[Whole, Array, Array]:
     """Compute the covariance of residuals between two frames, for tiles that both frames have."""
-    here, there = ((tiles.top << 32) + tiles.left for tiles in (first, second))
-    _, one, other = np.intersect1d(here, there, return_indices=True)
-    products = first.residual[one] * second.residual[other]
-    count = np.maximum(np.isfinite(products).sum(axis=(1, 2)) - 3, 1)
-    return np.asarray(np.nansum(products, axis=(1, 2)) / count)
+    place, one, other = np.intersect1d(first.place, second.place, return_indices=True)
+    a, b = first.residual[one], second.residual[other]
+    count = np.maximum(np.isfinite(a + b).sum(axis=(1, 2)) - 3, 1)
+    # (a + b) (a' + b') - (a - b) (a' - b') = 2 (a b' + b a'): temporal noise cancels.
+    sums = 0.25 * (_sums(a + b) - _sums(a - b))
+    return place, np.nansum(a * b, axis=(1, 2)) / count, sums
 
 
-def _median(parts: Sequence[Array]) -> float:
-    values = np.concatenate(parts) if parts else np.zeros(0)
+def _median(values: Array) -> float:
     return float(np.median(values)) if values.size >= LEAST_TILES else float("nan")

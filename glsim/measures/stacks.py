@@ -6,6 +6,7 @@ A residual is the measured depth of the frames minus the true depth.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import cv2
 import numpy as np
@@ -21,6 +22,12 @@ def with_nan(depth_mm: NDArray[np.generic]) -> Array:
     depth = np.array(depth_mm, np.float64)
     depth[depth <= 0] = np.nan
     return depth
+
+
+def jackknife_error(without: Sequence[Any] | Array) -> Array:
+    """Compute the standard error of figures from figures without each of K parts, (K, ...)."""
+    values = np.asarray(without, np.float64)
+    return np.asarray(np.sqrt((len(values) - 1) * values.var(axis=0)))
 
 
 def without_plane(frames: Array) -> Array:

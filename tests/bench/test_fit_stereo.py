@@ -49,8 +49,8 @@ def test_planted_noise_is_measured() -> None:
     lattice = find_lattice(frames)
     found = measure_stereo(frames, lattice, STEPS, 1.0)
     assert found.focal_baseline_px_mm == pytest.approx(PRODUCT, rel=1e-3)
-    assert found.noise.frame == pytest.approx(0.09, rel=0.1)
-    assert found.noise.static == pytest.approx(0.06, rel=0.2)
+    assert found.noise[0].frame == pytest.approx(0.09, rel=0.1)
+    assert found.noise[0].static == pytest.approx(0.06, rel=0.2)
     assert found.distances_mm == tuple(sorted(found.distances_mm))
     assert 700 < found.distances_mm[0] < found.distances_mm[-1] < 2200
 
@@ -115,7 +115,7 @@ def test_a_real_d435_is_stereo() -> None:
     frames = recording.read()
     found = measure_stereo(frames, find_lattice(frames), STEPS, 1.0)
     assert found.focal_baseline_px_mm == pytest.approx(390.4315 * 50.1707, rel=1e-3)
-    assert found.noise.frame == pytest.approx(0.097, abs=0.01)
+    assert found.noise[0].frame == pytest.approx(0.097, abs=0.01)
 
 
 def _noise(shot: NDArray[np.uint16], product: float) -> DisparityNoise:

@@ -93,7 +93,7 @@ class Comparison:
     @property
     def rows(self) -> list[Row]:
         """Lines of the table with a value in at least one set."""
-        first, second = _lines(self.first), _lines(self.second)
+        first, second = lines_of(self.first), lines_of(self.second)
         rows = [
             Row(*key[:3], first.get(key, math.nan), second.get(key, math.nan), key[3])
             for key in (first if self.first.light else second)
@@ -183,7 +183,7 @@ class Comparison:
 _Lines = dict[tuple[str, str, str, bool], float]
 
 
-def _lines(m: Measurements) -> _Lines:
+def lines_of(m: Measurements) -> _Lines:
     """Return all measures of a set as lines of the table, in a fixed order."""
     lines: _Lines = {}
 
@@ -270,6 +270,17 @@ def _number(value: float) -> str:
     return f"{value:,.{digits}f}"
 
 
+def measure(frames: Frames) -> Measurements:
+    """Take all measures of one set."""
+    pairs = static_pairs(frames)
+    size = frames.intrinsics.width, frames.intrinsics.height
+    return Measurements(
+        frames.title, len(frames), size, measure_temporal(frames, pairs), measure_spatial(frames),
+        measure_pattern(frames), measure_light(frames, pairs), measure_silhouettes(frames),
+        measure_invalid(frames), measure_isolated(frames),
+    )  # fmt: skip
+
+
 def compare_sets(
     first: Frames, second: Frames, progress: Callable[[str], None] | None = None
 ) -> Comparison:
@@ -292,13 +303,7 @@ def compare_sets(
     measured = []
     for frames in (first, second):
         say(f"measuring {frames.title}")
-        pairs = static_pairs(frames)
-        size = frames.intrinsics.width, frames.intrinsics.height
-        measured.append(Measurements(
-            frames.title, len(frames), size, measure_temporal(frames, pairs),
-            measure_spatial(frames), measure_pattern(frames), measure_light(frames, pairs),
-            measure_silhouettes(frames), measure_invalid(frames), measure_isolated(frames),
-        ))  # fmt: skip
+        measured.append(measure(frames))
     verdicts: dict[str, Verdict] = {}
     if find_spec("sklearn") is None:
         say("no classifier: it needs scikit-learn: pip install 'glsim[eval]'")

@@ -32,7 +32,6 @@ class FittedSensor:
     text: str
     image: Intrinsics
     lines: Mapping[str, str]
-    notes: tuple[str, ...] = ()
     map_mm: NDArray[np.float32] | None = None
 
 

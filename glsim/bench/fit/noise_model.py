@@ -12,7 +12,7 @@ from glsim.core.array_types import Array
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.units import MM_PER_M
-from glsim.measures.light import EVEN_PX, NoiseLaw, light_at_one_metre, measure_noise_law
+from glsim.measures.light import EVEN_PX, light_at_one_metre
 from glsim.measures.measured_frame import lit, mean_frame, radius_px
 from glsim.sensors.kinect_v2 import (
     COUNTS_PER_AMPLITUDE,
@@ -25,25 +25,18 @@ from glsim.sensors.kinect_v2 import (
 _CLASSES = 40
 _LEAST_CLASS = 50
 _AMPLITUDES = np.geomspace(2.0, 20_000.0, 1201)
-
 #: A normal is computed from neighbours at this distance, px. The value was chosen, not measured.
 _LAG_PX = 4
-
 #: Smallest cosine of the angle between a surface's normal and the light that a fit uses.
 _LEAST_FACING = 0.5
-
 #: Smallest amplitude in a fit. Measured: below it, phase noise is not Gaussian as in the model.
 _LEAST_AMPLITUDE = 15.0
-
 #: Derived: factor by which libfreenect2's 3 x 3 filter reduces noise, and variance that rounding
 #: adds to a tap.
 FILTER_GAIN = 2.99
 _TAP_ROUNDING_LSB2 = 1.0 / 12.0
-
 #: Smooth pixels above this quantile of light are bright surfaces.
 _BRIGHT_SHARE = 0.95
-#: Number of pairs of frames in which noise over infrared is measured; more change no digit.
-_PAIRS = 12
 
 
 class TapNoise(NamedTuple):
@@ -79,14 +72,12 @@ class InfraredLaw:
     Attributes:
         gain: amplitude of a white wall at 1 m (libfreenect2's infrared units); NaN if no bright
             surface is near the image centre.
-        law: a and b of sigma^2 = a^2 + (b / IR)^2.
         floor_mm: part of the noise that depends neither on light nor on the taps.
         noise_error: relative standard error of the taps' noise; infinite for equal brightness.
         tap_scale: variance of the taps, divided by the variance of the base sensor's taps.
     """
 
     gain: float
-    law: NoiseLaw
     floor_mm: float
     noise_error: float
     tap_scale: float
@@ -112,10 +103,7 @@ def fit_infrared(
     gain = float("nan")
     if bright.size >= _LEAST_CLASS:
         gain = float(np.quantile(bright, _BRIGHT_SHARE)) / albedo / COUNTS_PER_AMPLITUDE
-    starts = np.linspace(0, len(frames) - 2, min(_PAIRS, len(frames) // 2)).astype(int)
-    chosen = [frames[k] for start in np.unique(starts) for k in (start, start + 1)]
-    law = measure_noise_law(chosen, [(k, k + 1) for k in range(0, len(chosen), 2)])
-    nothing = InfraredLaw(gain, law, float("nan"), float("inf"), float("nan"))
+    nothing = InfraredLaw(gain, float("nan"), float("inf"), float("nan"))
     if usable.sum() < _LEAST_CLASS:
         return nothing
     squared = 1.0 / (_rays(frames.intrinsics) ** 2).sum(axis=-1)
@@ -133,7 +121,7 @@ def fit_infrared(
     rounding = white_sigma_mm(amplitude, FILTER_GAIN, _TAP_ROUNDING_LSB2, 0.0, 0.0) ** 2
     floor2, scale, error = _line(cosine2 * shape, variance - cosine2 * rounding, weight)
     relative = error / scale if scale > 0 else float("inf")
-    return InfraredLaw(gain, law, float(np.sqrt(max(floor2, 0.0))), relative, scale)
+    return InfraredLaw(gain, float(np.sqrt(max(floor2, 0.0))), relative, scale)
 
 
 def _line(x: Array, y: Array, weight: Array) -> tuple[float, float, float]:
@@ -151,7 +139,7 @@ def _line(x: Array, y: Array, weight: Array) -> tuple[float, float, float]:
     return float(fit[0]), float(fit[1]), float(np.sqrt(covariance[1, 1] * max(spread, 1.0)))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class NoiseModel:
     """Noise of depth: sigma^2 = floor^2 + (white(a) cosine)^2 + unit^2 / 12, a = amplitude * light.
 
@@ -162,15 +150,11 @@ class NoiseModel:
         amplitude: amplitude of a white wall at 1 m (libfreenect2's infrared units).
         amplitude_error: relative standard error of the amplitude; infinite = undetermined.
         floor_mm: part of the noise that does not depend on light.
-        light: (N,) light of each class of pixels, relative to a frontal wall at 1 m.
-        sigma_mm: (N,) noise of each class.
     """
 
     amplitude: float
     amplitude_error: float
     floor_mm: float
-    light: Array
-    sigma_mm: Array
 
     @property
     def knows_amplitude(self) -> bool:
@@ -206,7 +190,7 @@ def fit_noise_model(
     if 3 <= strong.sum() < len(x):
         used_columns = x[strong], squared[strong], columns[2][strong], weight[strong]
         best, error, floor = _search(*used_columns, taps)
-    return NoiseModel(best, error, floor, x, np.sqrt(variance))
+    return NoiseModel(best, error, floor)
 
 
 def _search(

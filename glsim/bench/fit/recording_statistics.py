@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -14,7 +13,6 @@ from glsim.core.array_types import Array, Mask
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.errors import DatasetError
 from glsim.core.units import MM_PER_M
-from glsim.measures.correlation import correlation_of, lagged_sums, without_local_mean
 from glsim.measures.measured_frame import mean_frame
 from glsim.measures.pattern import measure_pattern
 from glsim.measures.quadrics import local_planes
@@ -26,12 +24,12 @@ from glsim.sensors.images import LARGEST_MM
 MAP_WINDOW_PX, _LEAST_WINDOW = 15, 0.2
 
 
-def pattern_parameters(halves: Sequence[DepthFrame]) -> tuple[dict[str, float], float]:
+def pattern_parameters(halves: Sequence[DepthFrame]) -> dict[str, float]:
     """Measure the fixed pattern of a device by the function of ``glsim compare``.
 
     The halves are the means of the even and of the odd frames. Returns parameters of the stage
-    ``fixed_pattern``, mm, 0 where the frames are too few or too small to show one, and the
-    correlation of single pixels at 1 px. The stage draws the alternation's sign at random.
+    ``fixed_pattern``, mm, 0 where the frames are too few or too small to show one. The stage draws
+    the alternation's sign at random.
     """
     measured = measure_pattern(halves)
     bands = np.array(measured.alternation_mm)  # half steps of odd rows, from the top to the bottom
@@ -44,8 +42,7 @@ def pattern_parameters(halves: Sequence[DepthFrame]) -> tuple[dict[str, float], 
         "row_step_mm": upper + lower,
         "pixel_sigma_mm": measured.rest_mm,
     }
-    known = {name: float(np.nan_to_num(value)) for name, value in parameters.items()}
-    return known, float(np.nan_to_num(measured.rest_correlation))
+    return {name: float(np.nan_to_num(value)) for name, value in parameters.items()}
 
 
 def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
@@ -84,9 +81,7 @@ class RecordingStatistics:
         mean_mm: (H, W) mean over time; NaN where too few frames have depth.
         variance_mm2: (H, W) variance over time; NaN where too few frames have depth.
         smooth: (H, W) mask of smooth surfaces without holes.
-        correlation: correlation of the temporal noise between pixels, at LAGS.
         pattern: parameters of the stage ``fixed_pattern``, mm.
-        pixel_correlation: correlation of the pattern's single pixels at 1 px.
         map_mm: (H, W) float32 pattern, NaN where the scene is not smooth.
     """
 
@@ -94,9 +89,7 @@ class RecordingStatistics:
     mean_mm: Array
     variance_mm2: Array
     smooth: Mask
-    correlation: tuple[float, ...]
     pattern: Mapping[str, float]
-    pixel_correlation: float
     map_mm: NDArray[np.float32]
 
 
@@ -116,19 +109,13 @@ def measure_recording(frames: Frames) -> RecordingStatistics:
     whole = mean_frame(frames)
     flat = lit & _flat_mask(whole.infrared, mean, steady)
     used = flat if flat.sum() >= _LEAST_FLAT_PX else lit
-    pattern, alike = pattern_parameters([mean_frame(frames[start::2]) for start in (0, 1)])
+    pattern = pattern_parameters([mean_frame(frames[start::2]) for start in (0, 1)])
     return RecordingStatistics(
         frames=len(frames),
         mean_mm=np.where(steady, mean, np.nan),
         variance_mm2=np.where(steady, variance, np.nan),
         smooth=smooth,
-        # The differences of successive frames contain temporal noise only.
-        correlation=correlation_of(
-            lagged_sums(without_local_mean(np.where(smooth, b - a, np.nan)))
-            for a, b in pairwise(frame.measured_mm.astype(np.float64) for frame in frames)
-        ),
         pattern=pattern,
-        pixel_correlation=alike,
         map_mm=pattern_map(mean, used),
     )
 

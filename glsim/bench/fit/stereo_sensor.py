@@ -2,18 +2,19 @@
 
 The base sensor, with the recording's focal length, baseline and unit, captures tilted planes at the
 distances of the recording. The same function measures the recording and the simulated planes. Each
-measure is fitted by one parameter:
+measure is fitted by one parameter, if it differs from the base's by two standard errors:
 
-    noise from frame to frame    stereo_exposure.speckle_sigma, the noise of the laser's light
-    correlation between pixels   match_stereo.support_px, the side of the averaged region; then the
-                                 noise from frame to frame again
-    static share                 match_stereo.device_sigma_px, the device's own error
+    noise from frame to frame                  stereo_exposure.speckle_sigma, of the laser's light
+    noise that stays: correlation at 4 px      match_stereo.device_grain_px, its waves
+    over that at 1 px
+    1 - correlation at 1 px                    match_stereo.device_fine, share of its fine grains
+    its size                                   match_stereo.device_sigma_px
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -36,10 +37,11 @@ from glsim.measures.disparity import (
     TILE_PX,
     DisparityNoise,
     find_tiles,
-    measure_disparity_noise,
+    measure_blocks,
     to_disparity,
 )
 from glsim.measures.lattice import Lattice
+from glsim.measures.stacks import jackknife_error
 from glsim.noise.rig_checks import MATCHER
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.simulation.virtual_camera import VirtualCamera
@@ -58,7 +60,7 @@ class StereoStatistics:
         size: (width, height), px.
         unit_mm: step of the depth files.
         lattice: lattice of the depths; None: not found, and f B is the base sensor's.
-        noise: noise of disparity, px.
+        noise: noise of disparity, px; then without each of some parts of the image, for errors.
         distances_mm: median distance of each of three groups of tiles, nearest first.
         slopes: median slope of each group, px of disparity per px; noise depends on it. A single
             tile also has a slope that noise causes.
@@ -69,7 +71,7 @@ class StereoStatistics:
     unit_mm: float
     focal_baseline_px_mm: float
     lattice: Lattice | None
-    noise: DisparityNoise
+    noise: Sequence[DisparityNoise]
     distances_mm: tuple[float, ...]
     slopes: tuple[float, ...]
 
@@ -86,10 +88,10 @@ def measure_stereo(
     product = focal_baseline_px_mm if lattice is None else lattice.constant * unit / steps
     disparity = [to_disparity(f.measured_mm, product) for f in frames]
     pairs = list(pairwise(range(len(disparity))))
-    noise = measure_disparity_noise(disparity, pairs)
-    if noise.tiles < LEAST_TILES or not np.isfinite([noise.frame, noise.static]).all():
+    noise = measure_blocks(disparity, pairs)
+    if noise[0].tiles < LEAST_TILES or not np.isfinite([noise[0].frame, noise[0].static]).all():
         raise DatasetError(
-            f"{frames.title}: only {noise.tiles} parts of 40x40 px are full of depth: record "
+            f"{frames.title}: only {noise[0].tiles} parts of 40x40 px are full of depth: record "
             "walls, a floor, a table, at several distances, and do not move"
         )
     tiles, half = find_tiles(disparity[0]), TILE_PX // 2
@@ -106,20 +108,31 @@ def measure_stereo(
     )  # fmt: skip
 
 
-#: Step of the search for the side of the averaged region, and its largest value, px.
-_SUPPORT_STEP_PX, _MOST_SUPPORT_PX = 4, 25
-#: Lags at which correlations are compared, as a slice of LAGS_PX: 1 to 8 px.
+#: Lags at which correlations are printed, as a slice of LAGS_PX: 1 to 8 px.
 _LAGS = slice(0, 6)
-#: Search for the value of a parameter: first value, largest value, number of rounds, and smallest
-#: and largest factor of the squared value per round. Chosen: a round divides the error by about 3.
-_FIRST, _MOST, _ROUNDS, _RATIO = 0.1, 0.8, 4, (0.1, 8.0)
-#: A simulated plane: number of frames, albedo (as in the sheets of ``glsim validate``), and
-#: steepest tilt, degrees.
-_FRAMES, _ALBEDO, _MOST_TILT_DEG = 3, 0.6, 60.0
+#: Search for the value of a parameter: value where the base's is 0, factor of the second value to
+#: the power, largest number of values, and standard errors from which a difference counts. Chosen.
+_FIRST, _SECOND, _VALUES, _SIGNIFICANT = 0.05, 2.0, 4, 2.0
+#: A simulated plane: number of frames, albedo (as in the sheets of ``glsim validate``), steepest
+#: tilt, degrees, and largest side across the baseline, px: six tiles.
+_FRAMES, _ALBEDO, _MOST_TILT_DEG, _MOST_ACROSS_PX = 3, 0.6, 60.0, 240
 #: Stages that simulate the exposure: of two imagers, and of an imager with a projected pattern.
 _EXPOSURES = ("stereo_exposure", "pattern_exposure")
-#: Fitted parameters: the side of the averaged region, and the device's own error.
-_SUPPORT, _DEVICE = f"{MATCHER}.support_px", f"{MATCHER}.device_sigma_px"
+
+
+def _static(noise: DisparityNoise, lag: int) -> float:
+    """Return the correlation of static noise at a lag of LAGS_PX, mean of rows and columns."""
+    return 0.5 * (noise.static_rows[lag] + noise.static_columns[lag])
+
+
+#: A measure of noise that says a parameter.
+_Measure = Callable[[DisparityNoise], float]
+#: Fitted parameters of the matcher: measure, and power of the parameter in which it is linear.
+_OWN: dict[str, tuple[_Measure, float]] = {
+    "device_grain_px": (lambda n: _static(n, 3) / _static(n, 0), -2.0),
+    "device_fine": (lambda n: 1.0 - _static(n, 0), 1.0),
+    "device_sigma_px": (lambda n: n.static**2, 2.0),
+}
 
 
 def _matcher_value(sensor: Sensor, name: str) -> float:
@@ -153,25 +166,23 @@ def fit_stereo(
     named = str(Path(base).resolve()) if base.endswith(".toml") else base
     with TemporaryDirectory() as folder, borrowed_context(None) as context:
         fit = _Fit(statistics, named, sensor, image, Path(folder), context)
+        base_noise = fit.noise()
         exposure = next((s.name for s in sensor.stages if s.spec.name in _EXPOSURES), None)
-        speckle = f"{exposure}.speckle_sigma"
         if exposure is not None:
-            fit.solve(speckle, "frame")
-        fit.support()
-        if exposure is not None and fit.values[_SUPPORT] != fit.own_support:
-            fit.notes.clear()
-            fit.solve(speckle, "frame")
-        fit.solve(_DEVICE, "static")
+            fit.solve(f"{exposure}.speckle_sigma", lambda n: n.frame**2, 2.0)
+        for name, (measure, power) in _OWN.items():
+            fit.solve(f"{MATCHER}.{name}", measure, power)
         lines = {"base": named, "at rest": frames.note} | _result_lines(
-            statistics, fit.noise(), image, fit.baseline_m
+            statistics, base_noise, fit.noise(), image, fit.baseline_m
         )
+    lines |= fit.results
     comments = [
         f"Fitted by glsim fit to {statistics.frames} frames of {image.width}x{image.height}: "
         f"{recording.path}",
         *(f"{name}: {text}" for name, text in lines.items()),
         f"All other values are those of {sensor.name}.",
     ]
-    return FittedSensor(fit.text(fit.values, comments), image, lines, tuple(fit.notes))
+    return FittedSensor(fit.text(fit.values, comments), image, lines)
 
 
 def _check_grid(
@@ -193,35 +204,31 @@ class _Fit:
     """State of a fit: the values found so far, and their test on simulated planes."""
 
     def __init__(
-        self,
-        statistics: StereoStatistics,
-        base: str,
-        sensor: Sensor,
-        image: Intrinsics,
-        folder: Path,
-        context: Context,
-    ) -> None:
+        self, statistics: StereoStatistics, base: str, sensor: Sensor, image: Intrinsics,
+        folder: Path, context: Context,
+    ) -> None:  # fmt: skip
         self.statistics, self.base, self.sensor, self.image = statistics, base, sensor, image
         self.baseline_m = statistics.focal_baseline_px_mm / image.fx / MM_PER_M
         self.values = {f"{MATCHER}.depth_unit_mm": statistics.unit_mm}
-        self.notes: list[str] = []
-        self.own_support = int(_matcher_value(sensor, "support_px")) | 1
+        self.results: dict[str, str] = {}
         self._folder, self._context, self._count = folder, context, 0
 
-    def text(self, values: Mapping[str, float], comments: Sequence[str]) -> str:
+    def text(
+        self, values: Mapping[str, float], comments: Sequence[str], image: Intrinsics | None = None
+    ) -> str:
         """Write the text of the sensor file: base sensor, rig and fitted parameters."""
-        image, rig = self.image, self.sensor.rig
+        image, rig = image or self.image, self.sensor.rig
         scale = self.baseline_m / rig.baseline_m
         places = {"imager": rig.imagers_m, "emitter": [e.position_m for e in rig.emitters]}
         table = {
-            "width": image.width,
-            "height": image.height,
+            "width": image.width, "height": image.height,
             "focal_px": [_rounded(image.fx), _rounded(image.fy)],
             "centre_px": [_rounded(image.cx), _rounded(image.cy)],
-        } | {
-            name: [{"position_m": [float(f"{scale * v:.7g}") for v in p]} for p in points]
-            for name, points in places.items()
-        }
+            **{
+                name: [{"position_m": [float(f"{scale * v:.7g}") for v in p]} for p in points]
+                for name, points in places.items()
+            },
+        }  # fmt: skip
         stages = {}
         for stage in self.sensor.stages:
             kinds = {f"{stage.name}.{key}": p.type for key, p in stage.spec.parameters.items()}
@@ -237,12 +244,20 @@ class _Fit:
         head = {"extends": self.base, "title": title}
         return sensor_toml(comments, head, table, list(stages.values()))
 
-    def noise(self, name: str = "", value: float = 0.0) -> DisparityNoise:
-        """Simulate planes with the values so far and one changed parameter; measure their noise."""
+    def noise(self, name: str = "", value: float = 0.0) -> list[DisparityNoise]:
+        """Simulate planes with the values so far and one changed parameter; measure their noise.
+
+        They are as long as the frames along the baseline.
+        """
         file = self._folder / f"trial_{self._count}.toml"
         self._count += 1
         values = self.values | ({name: value} if name else {})
-        file.write_text(self.text(values, ("a trial",)))
+        image, most = self.image, _MOST_ACROSS_PX
+        if self.sensor.rig.second_view_m[0]:
+            image = replace(image, height=min(image.height, most), cy=0.5 * most)
+        else:
+            image = replace(image, width=min(image.width, most), cx=0.5 * most)
+        file.write_text(self.text(values, ("a trial",), image))
         camera = VirtualCamera(str(file), self._context)
         focal = camera.rig.intrinsics.fx
         product = MM_PER_M * focal * camera.rig.baseline_m
@@ -256,83 +271,82 @@ class _Fit:
             first = len(disparity)
             disparity += list(to_disparity(np.nan_to_num(shot.measured_mm), product))
             pairs += [(first + a, first + b) for a, b in pairwise(range(_FRAMES))]
-        return measure_disparity_noise(disparity, pairs)
+        return measure_blocks(disparity, pairs)
 
-    def support(self) -> None:
-        """Choose the matching window that gives the recording's correlation of temporal noise.
+    def solve(self, name: str, measure: _Measure, power: float) -> None:
+        """Find the value of a parameter with which simulated planes measure as the recording does.
 
-        From the base's window, it tries larger, then smaller windows while the fit improves.
+        Secants over the parameter to a power. The base's value stays if the recording agrees with
+        it, or if the measure hardly depends on the parameter.
         """
-        real = self.statistics.noise
-        target = np.array([real.frame_rows[_LAGS], real.frame_columns[_LAGS]])
-
-        def misfit(side: int) -> float:
-            noise = self.noise(_SUPPORT, side)
-            lags = np.array([noise.frame_rows[_LAGS], noise.frame_columns[_LAGS]])
-            return float(np.nansum((lags - target) ** 2)) if np.isfinite(lags).any() else np.inf
-
-        best = start = self.own_support
-        least = misfit(best)
-        for step in (_SUPPORT_STEP_PX, -_SUPPORT_STEP_PX):
-            while 1 <= best + step <= _MOST_SUPPORT_PX and (next_ := misfit(best + step)) < least:
-                best, least = best + step, next_
-            if best != start:
+        stage_name, _, key = name.partition(".")
+        stage = next(s for s in self.sensor.stages if s.name == stage_name)
+        low, high = stage.spec.parameters[key].low, stage.spec.parameters[key].high
+        own = stage.settings[key].typical
+        target, error = _with_error(measure, self.statistics.noise)
+        value, slope, tried = own or _FIRST, 0.0, list[tuple[float, float]]()
+        while len(tried) < _VALUES:
+            reached, spread = _with_error(measure, self.noise(name, value))
+            tried.append((value**power, reached))
+            apart, both = target - reached, _SIGNIFICANT * float(np.hypot(error, spread))
+            if len(tried) > 1:
+                slope = (reached - tried[-2][1]) / (tried[-1][0] - tried[-2][0] or np.inf)
+            hardly = len(tried) > 1 and abs(slope) * tried[-1][0] <= _SIGNIFICANT * spread
+            if hardly or not np.isfinite(reached):  # NaN: no tile is full of depth
                 break
-        self.values[_SUPPORT] = best
+            if abs(apart) < (both if len(tried) == 1 else 0.5 * error):
+                break
+            x = _SECOND * tried[-1][0]
+            if slope:
+                x = float(np.clip(tried[-1][0] + apart / slope, 0.1 * x, 5.0 * x))
+            value = float(np.clip(x ** (1.0 / power), low, high))
+        if slope and abs(slope) * tried[-1][0] > _SIGNIFICANT * spread:
+            off = 0.5 * both / abs(slope * power * value ** (power - 1.0))
+            self.values[name] = float(f"{value:.3g}")
+            self.results[name] = f"{value:.3g} +- {off:.2g} (base {own:g})"
+        else:
+            why = "as the recording's" if abs(apart) < both else "the recording hardly shows it"
+            self.results[name] = f"{own:g}, the base's: {why}"
 
-    def solve(self, name: str, measure: str) -> None:
-        """Find the value of a parameter with which simulated noise equals the recording's noise.
 
-        Model: the variance is a constant plus a multiple of the squared parameter. If no tile is
-        full of depth, noise cannot be measured and counts as too large.
-        """
-        target = getattr(self.statistics.noise, measure)
-        least = getattr(self.noise(name, 0.0), measure)
-        value = 0.0 if least >= target else _FIRST
-        for _ in range(_ROUNDS if value else 0):
-            reached = getattr(self.noise(name, value), measure)
-            grown = reached**2 - least**2 if np.isfinite(reached) else np.inf
-            ratio = (target**2 - least**2) / max(grown, 1e-12)
-            value = min(value * float(np.sqrt(np.clip(ratio, *_RATIO))), _MOST)
-        if value in (0.0, _MOST):
-            self.notes.append(
-                f"{name} = {value:g}: {measure} noise of {least:.3f} px without it, the recording "
-                f"has {target:.3f} px"
-            )
-        self.values[name] = round(value, 4)
+def _with_error(measure: _Measure, noise: Sequence[DisparityNoise]) -> tuple[float, float]:
+    whole, *without = (measure(n) for n in noise)
+    return whole, float(jackknife_error(without))
 
 
 def _rounded(value: float) -> float:
     return float(f"{value:.6g}")
 
 
+#: Printed figures of noise -> their titles.
+_NOISES = {
+    "residual": "residual of planes, px", "frame": "noise from frame to frame, px",
+    "frame_rows": "noise from frame to frame: correlation at 1, 2, 3, 4, 6, 8 px along rows",
+    "frame_columns": "the same along columns", "static": "noise that stays, px",
+    "static_rows": "noise that stays: correlation at 1, 2, 3, 4, 6, 8 px along rows",
+    "static_columns": "noise that stays: the same along columns",
+}  # fmt: skip
+
+
 def _result_lines(
-    statistics: StereoStatistics, own: DisparityNoise, image: Intrinsics, baseline_m: float
-) -> dict[str, str]:
-    """Describe the results for the recording and for the fitted sensor: name -> text."""
-    real, lattice = statistics.noise, statistics.lattice
+    statistics: StereoStatistics, base: Sequence[DisparityNoise], own: Sequence[DisparityNoise],
+    image: Intrinsics, baseline_m: float,
+) -> dict[str, str]:  # fmt: skip
+    """Describe noise of the recording, and of planes by base and fitted sensor: name -> text."""
     by = "the base sensor's: the depths are on no lattice that says it"
-    if lattice is not None:
-        by = f"depths are round({lattice.constant:,.0f} / n) units"
-    places = ", ".join(f"{z / MM_PER_M:.2f}" for z in statistics.distances_mm)
-
-    def pair(name: str) -> str:
-        return f"{getattr(real, name):.3f} px (fitted sensor: {getattr(own, name):.3f})"
-
-    def correlations(name: str) -> str:
-        first, second = (
-            ", ".join(f"{value:.2f}" for value in getattr(noise, name)[_LAGS])
-            for noise in (real, own)
-        )
-        return f"{first} (fitted sensor: {second})"
-
-    return {
+    if statistics.lattice is not None:
+        by = f"depths are round({statistics.lattice.constant:,.0f} / n) units"
+    lines = {
         "focal length times baseline": f"{statistics.focal_baseline_px_mm:,.0f} px mm ({by}); "
         f"baseline {MM_PER_M * baseline_m:.2f} mm at {image.fx:.1f} px",
-        "planes compared at": f"{places} m",
-        "noise from frame to frame": pair("frame"),
-        "share that stays": pair("static"),
-        "residual of planes": pair("residual"),
-        "correlation in time at 1, 2, 3, 4, 6, 8 px along rows": correlations("frame_rows"),
-        "the same along columns": correlations("frame_columns"),
+        "planes compared at": ", ".join(f"{z / MM_PER_M:.2f}" for z in statistics.distances_mm)
+        + " m",
     }
+    for name, title in _NOISES.items():
+        texts = []
+        for noise in (statistics.noise, base, own):
+            values, *without = (np.atleast_1d(getattr(n, name))[_LAGS] for n in noise)
+            pairs = zip(values, jackknife_error(without), strict=True)
+            texts.append(", ".join(f"{v:.3f} +- {e:.3f}" for v, e in pairs))
+        lines[title] = "{}; base {}; fitted {}".format(*texts)
+    return lines

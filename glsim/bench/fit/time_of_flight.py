@@ -51,7 +51,12 @@ LEAST_PATTERN_FRAMES = 10
 #: The shader has one phase for all frequencies. It is fitted only if the phases of the frequencies
 #: differ by at most this angle, rad.
 _MOST_APART_RAD = 0.7
-_UNKNOWN = "not determined by this recording (add far or dark walls): the base sensor's is kept"
+#: Why a value is the base's: the recording does not say it.
+_UNKNOWN = {
+    "gain": "the base's: add far or dark walls",
+    "shot_variance": "the base's: add infrared, and surfaces of many brightnesses",
+    "harmonic_2": "the base's: add walls, one at a slant, over 0.65 m of distances",
+}
 
 
 def fit_time_of_flight(
@@ -84,7 +89,7 @@ def fit_time_of_flight(
     kinect = load_sensor(base).rig.modulation_mhz == FREQUENCIES_MHZ  # whose wiggling is known
     wiggling = fit_wiggling(statistics, image, emitter) if kinect else None
     values = _fitted_values(statistics, model, law, taps, wiggling)
-    lines = {"base": base, "at rest": rest} | _result_lines(statistics, model, law, wiggling)
+    lines = {"base": base, "at rest": rest} | _result_lines(statistics, tree, values)
     usable = _knows_pattern(statistics)
     comments = [
         f"Fitted by glsim fit to {statistics.frames} frames of {width}x{height}: {recording.path}",
@@ -95,7 +100,7 @@ def fit_time_of_flight(
     ]
     waves = wiggling.waves() if wiggling is not None else ()
     text = fitted_toml(base, tree, values, image, comments, PATTERN_MAP if usable else "", waves)
-    return FittedSensor(text, image, lines, (), statistics.map_mm)
+    return FittedSensor(text, image, lines, statistics.map_mm)
 
 
 def _parameters(tree: Mapping[str, Any], *names: str) -> dict[str, float]:
@@ -186,62 +191,17 @@ def fitted_toml(
 
 
 def _result_lines(
-    statistics: RecordingStatistics,
-    model: NoiseModel,
-    law: InfraredLaw | None,
-    wiggling: Wiggling | None,
+    statistics: RecordingStatistics, tree: Mapping[str, Any], values: Mapping[str, float]
 ) -> dict[str, str]:
-    """Describe the results of a fit for the user: name -> text."""
-    pattern = dict(statistics.pattern)
-    total_mm = math.hypot(*(pattern | {"row_step_mm": pattern["row_step_mm"] / 2}).values())
-    share = 100 * np.isfinite(statistics.map_mm).mean()
-    known = f"{share:.0f} % of the pixels, those on flat surfaces"
+    """Describe the fitted values beside the base's, and what the recording does not say."""
+    fitted = {
+        n: f"{v:.4g} (base: {_parameters(tree, n).get(n, 0.0):.4g})" for n, v in values.items()
+    }
+    known = f"{100 * np.isfinite(statistics.map_mm).mean():.0f} % of the pixels, on flat surfaces"
     if not _knows_pattern(statistics):
         known += (
             f"; mostly temporal noise with {statistics.frames} frames: below "
             f"{LEAST_PATTERN_FRAMES} the part of single pixels is not fitted, "
             "and the sensor does not name the map"
         )
-    return _light_lines(model, law) | {
-        "fixed pattern": f"{total_mm:.2f} mm (alternation of rows "
-        f"{pattern['row_alternation_mm']:.2f}, rows {pattern['row_sigma_mm']:.2f}, columns "
-        f"{pattern['column_sigma_mm']:.2f}, pixels {pattern['pixel_sigma_mm']:.2f}, these alike at "
-        f"1 px by {statistics.pixel_correlation:.2f})",
-        "map of the fixed pattern": known,
-        "correlation of the noise at 1 to 3 px along rows; diagonal": ", ".join(
-            f"{c:.2f}" for c in statistics.correlation[:3]
-        )
-        + f"; {statistics.correlation[-1]:.2f}",
-        "wiggling": _wiggling_text(wiggling),
-    }
-
-
-def _light_lines(model: NoiseModel, law: InfraredLaw | None) -> dict[str, str]:
-    """Describe light and noise, from infrared if there is any, otherwise from the distances."""
-    white, over = "amplitude of a white wall at 1 m", "noise over infrared"
-    if law is None or not math.isfinite(law.gain):
-        amplitude = f"{model.amplitude:.0f} +- {max(1.0, 100 * model.amplitude_error):.0f} %"
-        floor = f"{model.floor_mm:.2f} mm"
-        known = amplitude if model.knows_amplitude else _UNKNOWN
-        return {white: known, "floor of the temporal noise": floor}
-    lines = {white: f"{law.gain:.0f} (infrared {16 * law.gain:.0f})"}
-    if not law.knows_noise:
-        return lines | {over: _UNKNOWN}
-    own = law.law
-    return lines | {
-        over: f"sigma^2 = {own.floor_mm:.2f}^2 + ({own.slope_mm:.0f} / infrared)^2 mm^2",
-        "floor beside the noise of taps": f"{law.floor_mm:.2f} mm",
-    }
-
-
-def _wiggling_text(wiggling: Wiggling | None) -> str:
-    if wiggling is None:
-        return "not determined by this recording (add walls, one at a slant: 0.65 m of distances)"
-    parts = []
-    for harmonic, amplitude in wiggling.amplitude.items():
-        phases = " and ".join(f"{math.degrees(p):.0f}" for p in wiggling.phase_rad[harmonic])
-        parts.append(
-            f"harmonic {harmonic}: {amplitude:.4f} +- {wiggling.error[harmonic]:.4f}, "
-            + (f"{phases} deg at 80 and 120 MHz" if wiggling.known(harmonic) else "not significant")
-        )
-    return "; ".join(parts)
+    return _UNKNOWN | fitted | {"map of the fixed pattern": known}

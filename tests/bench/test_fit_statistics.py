@@ -1,0 +1,137 @@
+"""What glsim fit fits and compares: values that were planted come back within their errors."""
+
+import re
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from glsim.bench.fit.proof import values_with_errors
+from glsim.bench.fit.stereo_sensor import _OWN, StereoStatistics, _Fit
+from glsim.core.camera import Intrinsics
+from glsim.core.depth_frame import Frames
+from glsim.core.rect import Rect
+from glsim.measures.disparity import DisparityNoise, measure_blocks
+from glsim.measures.stacks import jackknife_error
+from glsim.noise.stereo_matching import _device_error
+from glsim.sensors.sensor import load_sensor
+from tests.support.planted_frames import frames_of
+from tests.support.real_cameras import box_noise
+
+Array = NDArray[np.float64]
+SHAPE = (400, 640)
+BASE = {"device_sigma_px": 0.06, "device_grain_px": 7.0, "device_fine": 0.008}
+
+
+def planes(seed: int, values: dict[str, float]) -> list[DisparityNoise]:
+    """Noise of three frames of a plane: a device's own error, and white noise in time."""
+    rng, whole = np.random.default_rng(seed), Rect(0, 0, SHAPE[1], SHAPE[0])
+    grain, fine = values["device_grain_px"], values["device_fine"]
+    own = values["device_sigma_px"] * _device_error(seed, whole, False, grain, fine, 0.3, 0.0, 0.3)
+    plane = 20.0 + 0.01 * np.arange(SHAPE[1])
+    frames = [plane + own + rng.normal(0, 0.05, SHAPE) for _ in range(3)]
+    return measure_blocks(frames, [(0, 1), (1, 2)])
+
+
+class PlantedFit(_Fit):
+    """A fit whose simulated planes are drawn: a device of another seed than the recording's."""
+
+    def noise(self, name: str = "", value: float = 0.0) -> list[DisparityNoise]:
+        own = {key.partition(".")[2]: v for key, v in self.values.items()}
+        return planes(77, BASE | own | ({name.partition(".")[2]: value} if name else {}))
+
+
+def fitted(planted: dict[str, float], seed: int) -> PlantedFit:
+    """Fit the three values of a device's own error to a planted recording."""
+    noise = planes(seed, BASE | planted)
+    statistics = StereoStatistics(3, SHAPE[::-1], 1.0, 19_590.0, None, noise, (900.0,), (0.01,))
+    camera, context = Intrinsics(640, 400, 390.4, 390.4, 320.0, 200.0), cast(Any, None)
+    sensor = load_sensor("realsense-d435-vga")
+    fit = PlantedFit(statistics, sensor.name, sensor, camera, Path(), context)
+    for name, (measure, power) in _OWN.items():
+        fit.solve(f"match_stereo.{name}", measure, power)
+    return fit
+
+
+@pytest.mark.parametrize(
+    "planted",
+    [
+        {"device_fine": 0.2, "device_sigma_px": 0.1},
+        {"device_grain_px": 4.0, "device_sigma_px": 0.09, "device_fine": 0.05},
+    ],
+)
+@pytest.mark.parametrize("seed", [31, 32])
+def test_a_devices_own_error_comes_back(planted: dict[str, float], seed: int) -> None:
+    fit = fitted(planted, seed)
+    for name, expected in (BASE | planted).items():
+        text = fit.results[f"match_stereo.{name}"]
+        if (said := re.match(r"(\S+) \+- (\S+) \(base", text)) is not None:
+            value, error = map(float, said.groups())
+            assert abs(value - expected) < 2 * np.hypot(error, 0.04 * expected), (name, text)
+        else:
+            assert name not in planted, text
+            assert f"match_stereo.{name}" not in fit.values
+
+
+def test_what_agrees_with_the_base_stays_the_bases() -> None:
+    fit = fitted({}, 33)
+    assert set(fit.values) == {"match_stereo.depth_unit_mm"}
+    assert all("the base's" in text for text in fit.results.values())
+
+
+def test_static_noise_has_its_own_correlation_and_error() -> None:
+    rng, planes_of = np.random.default_rng(3), 20.0 + 0.01 * np.arange(SHAPE[1])
+    found = []
+    for _ in range(3):
+        stays = box_noise(rng, 1, SHAPE, 7, 0.07)
+        changes = box_noise(rng, 3, SHAPE, 3, 0.09)
+        whole, *without = measure_blocks(list(planes_of + stays + changes), [(0, 1), (1, 2)])
+        found.append((whole.static_rows[:4], jackknife_error([n.static_rows[:4] for n in without])))
+        assert whole.frame_rows[2] == pytest.approx(0.0, abs=0.03)
+    values, errors = (np.array(column) for column in zip(*found, strict=True))
+    # A box of 7 px falls by 1/7 a pixel; a tile's plane takes some of it.
+    assert values.mean(axis=0) == pytest.approx([6 / 7, 5 / 7, 4 / 7, 3 / 7], abs=0.06)
+    spread = values.std(axis=0, ddof=1)
+    assert (spread < 4 * errors.mean(axis=0)).all()
+    assert (errors < 0.06).all()
+
+
+def wall(seed: int, time_mm: float = 2.0, gap_px: int = 6, holes: float = 1e-3) -> Frames:
+    """Five bars before a wall: boxes of 3 px of noise, gaps on their right, single holes."""
+    rng = np.random.default_rng(seed)
+    clean = np.full(SHAPE, 1500.0)
+    for left in range(20, 640, 128):
+        clean[:, left : left + 60] = 1000.0
+    frames = []
+    for change in box_noise(rng, 3, SHAPE, 3, time_mm):
+        depth = clean + change
+        for left in range(20, 640, 128):
+            depth[:, left + 60 : left + 60 + gap_px] = 0.0
+        depth[rng.random(SHAPE) < holes] = 0.0
+        frames.append(depth)
+    return frames_of("wall", frames, camera=Intrinsics(640, 400, 390.4, 390.4, 320.0, 200.0))
+
+
+def test_planted_noise_gaps_and_holes_come_with_their_errors() -> None:
+    first, second, other = (
+        values_with_errors(w) for w in (wall(1), wall(2), wall(3, 3.0, 9, 3e-3))
+    )
+    names = {
+        "single holes; pixels unlike their eight neighbours": (0.1, 0.3),
+        "width of the gap, mean; silhouettes, shadow side": (6.0, 9.0),
+    }
+    for name, expected in names.items():
+        assert first[name][0] == pytest.approx(expected[0], rel=0.15)
+        assert other[name][0] == pytest.approx(expected[1], rel=0.15)
+        assert other[name][0] - first[name][0] > 2 * np.hypot(first[name][1], other[name][1])
+    pulls = [
+        (value - second[name][0]) / np.hypot(error, second[name][1])
+        for name, (value, error) in first.items()
+        if np.isfinite([value, error, *second.get(name, (np.nan, np.nan))]).all() and error > 0
+    ]
+    assert len(pulls) > 10
+    # Two draws of one camera: with six parts a value is sometimes farther than two errors.
+    assert np.mean(np.abs(pulls) > 3.0) < 0.2
+    assert not any("without depth" in name for name in first)
