@@ -130,12 +130,12 @@ def flips(frames: list[NDArray[np.float64]]) -> float:
 
 @pytest.mark.long
 def test_a_changed_sensor_comes_back(context: Context, tmp_path: Path) -> None:
-    """Another baseline, more noise in time, a larger error of its own, a wider support."""
+    """Another baseline, more noise in time, a larger error of its own."""
     camera = tmp_path / "camera" / "mine.toml"
     text = (
         'extends = "realsense-d435-vga"\ntitle = "t"\n'
         "[[rig.imager]]\nposition_m = [0, 0, 0]\n[[rig.imager]]\nposition_m = [0.052, 0, 0]\n"
-        '[[stage]]\nuse = "match_stereo"\ndevice_sigma_px = 0.09\nsupport_px = 13\n'
+        '[[stage]]\nuse = "match_stereo"\ndevice_sigma_px = 0.09\n'
         '[[stage]]\nuse = "stereo_exposure"\nspeckle_sigma = 0.16\n'
     )
     write_atomic(text.encode(), camera)

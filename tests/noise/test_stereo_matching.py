@@ -236,10 +236,9 @@ def test_refinement_removes_the_preference_of_whole_pixels() -> None:
 
 def test_pixels_whose_images_are_unlike_are_single_holes() -> None:
     left, right = seen(np.full((HEIGHT, WIDTH), 20.0))
-    rng = np.random.default_rng(4)
     spots = np.zeros(left.shape, bool)
     spots[20:-20:20, 120:-20:25] = True
-    changed = np.where(spots, 255 - left, left) + rng.normal(0, 2, left.shape)
+    changed = np.where(spots, 255 - left, left) + np.random.default_rng(4).normal(0, 2, left.shape)
     inner = np.s_[10:-10, 110:-10]
     whole, cut = (
         match(changed.astype(np.float32), right, parameters(refine_px=9, unlike_medians=limit))
