@@ -32,7 +32,6 @@ _LEAST_PIXELS = 300
 _BRIGHTEST = 90.0
 #: Smallest cosine of a surface (60 degrees): for steeper surfaces the cosine is uncertain.
 _LEAST_COSINE = 0.5
-
 #: Mean square of a Gaussian, divided by the mean square without its largest percent. Derived:
 #: 0.99 / (0.99 - 2 c phi(c)) at c = 2.5758.
 _UNTRIMMED = 0.99 / (0.99 - 2 * 2.5758 * 0.014460)

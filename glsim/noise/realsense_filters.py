@@ -24,25 +24,19 @@ __all__ = ["hole_filling", "spatial_filter", "temporal_filter", "threshold_filte
 
 Image = Floats
 _Depth = TypeVar("_Depth", bound=np.number)
-
 #: Disparities count 1/32 px: librealsense's disparity-transform.h has 5 bits behind the point.
 _STEPS_PER_PX = 32.0
-
 #: Mode of spatial_filter -> length that a row of holes must stay below to be filled, px
 #: (librealsense's spatial-filter.cpp; its "unlimited" is 255).
 _FILLED_BELOW_PX = (0, 2, 4, 8, 16, 255)
-
 #: Persistence of temporal_filter -> (n, m): a hole takes the last depth if n of the m frames before
 #: had one (librealsense's temporal-filter.cpp); 9 of 8: never.
 _PERSISTENCE = ((9, 8), (8, 8), (2, 3), (2, 4), (2, 8), (1, 2), (1, 5), (1, 8), (0, 8))
-
 #: Difference from the clean depth, as a share of it, beyond which a filled pixel carries the depth
 #: of another surface. Chosen: 0.6 px at 1 m of a D435, as the filters' own delta.
 _OTHER_SURFACE_SHARE = 0.03
-
 #: A pixel's share in a filtered pixel is 0 for float32 below this. Derived: half of its last digit.
 _NO_SHARE = 2.0**-24
-
 #: Reach of a filter without a limit, px. Chosen: larger than any frame, so that all of it is drawn.
 _WHOLE_FRAME_PX = 65536
 

@@ -14,10 +14,8 @@ from glsim.noise.stage import ENABLED, Stage
 #: 1875, 9375 and 1250 mm (libfreenect2: unambigious_dist 2083.333 mm = c / 2 / 72 MHz). The depth
 #: is right for any value, because encoder and decoder use the same one.
 SPEED_OF_LIGHT = 3.0e8
-
 #: Stages that do nothing for a rig without an emitter.
 _SHADOW_STAGES = ("shadow", "tof_shadow")
-
 #: Frequencies are rounded to multiples of this step, MHz, to find their common period.
 _GRID_MHZ = Fraction(1, 1000)
 
@@ -69,7 +67,6 @@ def _check_frequencies(modulation_mhz: Sequence[float], far_m: float, where: str
 
 #: The name of the stage that matches two images.
 MATCHER = "match_stereo"
-
 #: Largest share of a baseline across its main axis: images are matched along rows or columns.
 _LARGEST_SKEW = 1e-3
 

@@ -15,7 +15,6 @@ from glsim.core.array_types import Array, Floats
 
 Disparities = NDArray[np.int32]
 Matched = NDArray[np.int16]
-
 #: Steps per pixel of disparities, and of the positions where the second image is interpolated.
 STEPS_PER_PX, _TAP_STEPS = 256, 16
 _TAP_BITS = 4

@@ -9,14 +9,11 @@ from glsim.core.array_types import Array
 
 #: Infrared counts per unit of the mean amplitude, as in libfreenect2.
 COUNTS_PER_AMPLITUDE = 16.0
-
 #: Modulation frequencies of the Kinect V2, MHz, in the order of all phase arrays of this module.
 FREQUENCIES_MHZ = (80, 16, 120)
-
 #: Depth noise after libfreenect2's fusion, mm, per rad of the root of the summed phase variances.
 #: Derived: c / 2 / 216 MHz for the mean of the three cycle counts, divided by 2 pi.
 FUSION_MM_PER_RAD = 110.5
-
 #: Tap noise fitted to the depth noise above, as the noise of unfiltered phases. The variance of a
 #: tap is read + shot times the raw amplitude, LSB^2. The raw amplitude is the amplitude over its
 #: frequency's multiplier. The fit holds above an amplitude of 120, too.

@@ -28,7 +28,6 @@ _CUT = 4.0
 LEAST_PATCHES = 20
 #: Number of features listed in a verdict.
 _LISTED = 3
-
 #: AUC of the regression, AUC of the trees, standard error of the first, of the second.
 _Aucs = tuple[float, float, float, float]
 _UNKNOWN: _Aucs = (math.nan, math.nan, math.nan, math.nan)

@@ -23,7 +23,6 @@ from glsim.core.units import MM_PER_M
 from glsim.measures.quadrics import local_planes
 
 Labels = NDArray[np.int64]
-
 #: Where noise is large, neighbours on one surface differ by at most this multiple of the median
 #: difference at their distance. The second constant has the bounds of the classes of distance, mm.
 #: Both were chosen, not measured.

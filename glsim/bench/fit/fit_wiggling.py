@@ -24,11 +24,9 @@ from glsim.sensors.wiggling import CYCLES, Wave
 
 #: Half a wavelength at 1 MHz, mm: speed of light / 2.
 _HALF_WAVE_MM_MHZ = 149_896.229
-
 #: Frequencies of the result, MHz. A wave at 16 MHz has a cycle of 3.1 m, longer than the planes of
 #: a room. It is fitted with a prior of the usual size, so that it does not bias the other waves.
 FITTED_MHZ = tuple(f for f in FREQUENCIES_MHZ if f > 16)
-
 #: Number of fitted waves, and the frequency of each coefficient: cosines, then sines.
 _WAVES = len(CYCLES) * len(FREQUENCIES_MHZ)
 _MHZ_OF = 2 * len(CYCLES) * FREQUENCIES_MHZ
@@ -36,7 +34,6 @@ _MHZ_OF = 2 * len(CYCLES) * FREQUENCIES_MHZ
 _USUAL_MM = 1.5
 #: Side of an image tile that the jackknife leaves out, px. The value was chosen, not measured.
 _TILE_PX = 64
-
 #: Smallest range of distances of the planes, mm; the longest period of the result is 625 mm.
 _LEAST_SPAN_MM = 650.0
 _LEAST_PIXELS = 5000

@@ -24,7 +24,6 @@ _FRAMES, LEAST_FRAMES = 8, 8
 _PARTS, _LEAST_PARTS = 5, 3
 #: Groups and names of measures that are no noise, by their starts.
 _LEFT_OUT = ("pixels without depth", "infrared", "IR r^2", "half step")
-
 #: A value and its standard error, NaN = unknown.
 Value = tuple[float, float]
 

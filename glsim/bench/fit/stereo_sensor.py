@@ -14,7 +14,7 @@ measure is fitted by one parameter, if it differs from the base's by two standar
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -113,9 +113,9 @@ _LAGS = slice(0, 6)
 #: Search for the value of a parameter: value where the base's is 0, factor of the second value to
 #: the power, largest number of values, and standard errors from which a difference counts. Chosen.
 _FIRST, _SECOND, _VALUES, _SIGNIFICANT = 0.05, 2.0, 4, 2.0
-#: A simulated plane: number of frames, albedo (as in the sheets of ``glsim validate``), steepest
-#: tilt, degrees, and largest side across the baseline, px: six tiles.
-_FRAMES, _ALBEDO, _MOST_TILT_DEG, _MOST_ACROSS_PX = 3, 0.6, 60.0, 240
+#: A simulated plane: number of frames, albedo (as in the sheets of ``glsim validate``), and
+#: steepest tilt, degrees.
+_FRAMES, _ALBEDO, _MOST_TILT_DEG = 3, 0.6, 60.0
 #: Stages that simulate the exposure: of two imagers, and of an imager with a projected pattern.
 _EXPOSURES = ("stereo_exposure", "pattern_exposure")
 
@@ -213,11 +213,9 @@ class _Fit:
         self.results: dict[str, str] = {}
         self._folder, self._context, self._count = folder, context, 0
 
-    def text(
-        self, values: Mapping[str, float], comments: Sequence[str], image: Intrinsics | None = None
-    ) -> str:
+    def text(self, values: Mapping[str, float], comments: Sequence[str]) -> str:
         """Write the text of the sensor file: base sensor, rig and fitted parameters."""
-        image, rig = image or self.image, self.sensor.rig
+        image, rig = self.image, self.sensor.rig
         scale = self.baseline_m / rig.baseline_m
         places = {"imager": rig.imagers_m, "emitter": [e.position_m for e in rig.emitters]}
         table = {
@@ -245,19 +243,11 @@ class _Fit:
         return sensor_toml(comments, head, table, list(stages.values()))
 
     def noise(self, name: str = "", value: float = 0.0) -> list[DisparityNoise]:
-        """Simulate planes with the values so far and one changed parameter; measure their noise.
-
-        They are as long as the frames along the baseline.
-        """
+        """Simulate planes with the values so far and one changed parameter; measure their noise."""
         file = self._folder / f"trial_{self._count}.toml"
         self._count += 1
         values = self.values | ({name: value} if name else {})
-        image, most = self.image, _MOST_ACROSS_PX
-        if self.sensor.rig.second_view_m[0]:
-            image = replace(image, height=min(image.height, most), cy=0.5 * most)
-        else:
-            image = replace(image, width=min(image.width, most), cx=0.5 * most)
-        file.write_text(self.text(values, ("a trial",), image))
+        file.write_text(self.text(values, ("a trial",)))
         camera = VirtualCamera(str(file), self._context)
         focal = camera.rig.intrinsics.fx
         product = MM_PER_M * focal * camera.rig.baseline_m
@@ -284,21 +274,25 @@ class _Fit:
         low, high = stage.spec.parameters[key].low, stage.spec.parameters[key].high
         own = stage.settings[key].typical
         target, error = _with_error(measure, self.statistics.noise)
-        value, slope, tried = own or _FIRST, 0.0, list[tuple[float, float]]()
-        while len(tried) < _VALUES:
+        value, slope, spread, apart, both = own or _FIRST, 0.0, 0.0, 0.0, 0.0
+        tried: list[tuple[float, float]] = []
+        for _ in range(_VALUES):
             reached, spread = _with_error(measure, self.noise(name, value))
+            if not np.isfinite(reached):  # no tile is full of depth: halfway back to the last value
+                x = 0.5 * (value**power + tried[-1][0]) if tried else 0.5 * value**power
+                value = float(np.clip(x ** (1.0 / power), low, high))
+                continue
             tried.append((value**power, reached))
             apart, both = target - reached, _SIGNIFICANT * float(np.hypot(error, spread))
             if len(tried) > 1:
                 slope = (reached - tried[-2][1]) / (tried[-1][0] - tried[-2][0] or np.inf)
-            hardly = len(tried) > 1 and abs(slope) * tried[-1][0] <= _SIGNIFICANT * spread
-            if hardly or not np.isfinite(reached):  # NaN: no tile is full of depth
-                break
+                if abs(slope) * tried[-1][0] <= _SIGNIFICANT * spread:
+                    break
             if abs(apart) < (both if len(tried) == 1 else 0.5 * error):
                 break
             x = _SECOND * tried[-1][0]
             if slope:
-                x = float(np.clip(tried[-1][0] + apart / slope, 0.1 * x, 5.0 * x))
+                x = float(np.clip(tried[-1][0] + apart / slope, 0.1 * x, 2.0 * x))
             value = float(np.clip(x ** (1.0 / power), low, high))
         if slope and abs(slope) * tried[-1][0] > _SIGNIFICANT * spread:
             off = 0.5 * both / abs(slope * power * value ** (power - 1.0))

@@ -16,7 +16,6 @@ from glsim.settings.toml_tables import read_toml
 from glsim.simulation.virtual_camera import Changes, VirtualCamera
 
 _T = TypeVar("_T")
-
 #: Note of a check that needs the stages of a time-of-flight chain.
 INTERNAL = "needs the stages of a time-of-flight chain, which this sensor lacks"
 

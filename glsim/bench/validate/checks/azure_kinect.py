@@ -23,7 +23,6 @@ from glsim.measures.pixel_runs import successive_runs
 from glsim.measures.stacks import half_valid, sigma_temporal, without_plane
 
 _SHEET = "azure-kinect"
-
 #: Noise is compared in bins of infrared; limits of the bins, counts.
 COUNTS = (60, 100, 150, 200, 300, 500, 1000, 3000, 9000)
 #: Correlation of noise is measured in this range of infrared, counts, where noise is largest.

@@ -14,11 +14,9 @@ from glsim.sensors.kinect_v2 import COUNTS_PER_AMPLITUDE
 #: wavelength. The period of four taps at 80 MHz must be absent.
 WIGGLE_PERIODS_MM = (3125.0, 1562.0, 625.0, 417.0, 312.0, 208.0)
 FOUR_TAP_PERIOD_MM = 468.0
-
 #: The wiggling is measured on 121 walls: frames per wall, and side of the captured window, px.
 _WIGGLE_FRAMES = 6
 _WIGGLE_PX = 40
-
 #: Albedo of skin and of a dark surface, relative to white.
 _SKIN, _DARK = 0.6, 0.4
 
