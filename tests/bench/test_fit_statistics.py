@@ -14,7 +14,6 @@ from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.rect import Rect
 from glsim.measures.disparity import DisparityNoise, measure_blocks
-from glsim.measures.stacks import jackknife_error
 from glsim.noise.stereo_matching import _device_error
 from glsim.sensors.sensor import load_sensor
 from tests.support.planted_frames import frames_of
@@ -76,19 +75,6 @@ def test_what_agrees_with_the_base_stays_the_bases() -> None:
     fit = fitted({}, 33)
     assert set(fit.values) == {"match_stereo.depth_unit_mm"}
     assert all("the base's" in text for text in fit.results.values())
-
-
-def test_static_noise_has_its_own_correlation_and_error() -> None:
-    rng, found, errors = np.random.default_rng(3), [], []
-    for _ in range(3):
-        noise = box_noise(rng, 1, SHAPE, 7, 0.07) + box_noise(rng, 3, SHAPE, 3, 0.09)
-        whole, *without = measure_blocks(list(20.0 + noise), [(0, 1), (1, 2)])
-        found.append(whole.static_rows[:4])
-        errors.append(jackknife_error([n.static_rows[:4] for n in without]))
-        assert whole.frame_rows[2] == pytest.approx(0.0, abs=0.03)
-    # A box of 7 px falls by 1/7 a pixel; a tile's plane takes some of it.
-    assert np.mean(found, axis=0) == pytest.approx([6 / 7, 5 / 7, 4 / 7, 3 / 7], abs=0.06)
-    assert (np.std(found, axis=0, ddof=1) < 4 * np.mean(errors, axis=0)).all()
 
 
 def wall(seed: int, time_mm: float = 2.0, gap_px: int = 6, holes: float = 1e-3) -> Frames:
