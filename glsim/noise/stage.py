@@ -30,16 +30,13 @@ from glsim.settings.distribution import Distribution, ScopeSeeds, constant
 #: A stage on arrays: (view of the frame, its layers, the parameters' values) -> the layers that it
 #: writes, by name.
 ArrayFunction = Callable[[FrameContext, Layers, Mapping[str, float]], Mapping[str, Floats]]
-
 #: Distance, pixels, at which a stage on arrays reads neighbours: a function of the parameters.
 Reach = Callable[[Mapping[str, float]], int]
-
 #: The parameter of every stage that switches it off: ``--set axial.enabled=false``.
 ENABLED = "enabled"
 #: Pattern of the names of stages, which occur in names of parameters and files, and in the tuner.
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,64}")
 _ENABLED = Parameter(ENABLED, "bool", 1.0, 0.0, 1.0, "1", "whether the stage runs", Path(), 0)
-
 #: One frame's parameter values: stage name -> parameter -> value.
 StageValues = Mapping[str, Mapping[str, float]]
 
