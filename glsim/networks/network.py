@@ -132,7 +132,8 @@ class NetworkFunction(DepthFunction):
         if not self.mirror:
             return outputs
         mirrored = self._run_padded(stack[:, :, ::-1])
-        both = {name: (image + mirrored[name][:, ::-1]) / 2 for name, image in outputs.items()}
+        half = np.float32(0.5)
+        both = {n: half * (image + mirrored[n][:, ::-1]) for n, image in outputs.items()}
         depth_mm = outputs["depth_mm"]  # two surfaces have no mean: the first stays
         agree = np.abs(both["depth_mm"] - depth_mm) < FLYING_MM / 2
         return both | {"depth_mm": np.where(agree, both["depth_mm"], depth_mm)}
