@@ -17,7 +17,7 @@ from torch import Tensor
 
 from glsim.core.array_types import Array, Depth
 from glsim.core.depth_frame import DepthFrame
-from glsim.core.depth_map import FLYING_MM
+from glsim.core.depth_map import FLYING_MM, interior, jumps
 from glsim.core.errors import TrainError
 from glsim.core.files.atomic import write_atomic
 from glsim.denoise.inference import TorchNetwork, record_of
@@ -182,11 +182,13 @@ def _recorrupted_loss(
 
 
 class _Judge:
-    """The held-back still pair: distance of a denoised frame from the mean of the other."""
+    """The held-back still pair: distance of a denoised frame from the other's mean, off edges."""
 
     def __init__(self, first: DepthFrame, second: DepthFrame) -> None:
         self._frame = np.nan_to_num(first.measured_mm).astype(np.float32)
-        self._difference = still_difference(first, second)  # second - first, NaN: unknown
+        inside = interior(self._frame > 0, jumps(self._frame))  # rims would outweigh skin
+        #: Second - first, NaN: unknown.
+        self._difference = np.where(inside, still_difference(first, second), np.nan)
         #: Variance of one frame's noise: half of that of the difference.
         self.raw = float(np.nanmean(0.5 * self._difference**2))
 
