@@ -64,7 +64,7 @@ class HairStyle:
 #: Direction of the crown, up and back, from which short hair radiates.
 CROWN: Final = np.array([0.0, 0.86, -0.51])
 #: Height above the hair of the sheet for the halo of stray hairs, mm: a sixth is left there.
-HALO_MM = 18.0
+HALO_MM = 11.0
 #: The content of styles.toml.
 STYLE_TABLE: Final = tomllib.loads(files(__package__).joinpath("styles.toml").read_text("utf-8"))
 STYLES: Final = tuple(HairStyle(name, **row) for name, row in STYLE_TABLE["hair"].items())

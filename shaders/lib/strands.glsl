@@ -25,7 +25,7 @@ const float LOST_M = 0.011;
 // they hide of a ray per m at the hair: of the 2 hairs/mm2 above 3 % are stray, pi / 4 * 0.07 mm * 2 * 0.03 * 2 / mm2
 // = 6.6 / m where they are oblique. Both are chosen; so much that no more pixels on real heads are lost than are.
 // HEAD_M is the radius of a head.
-const float FALL_M = 0.01, STRAY = 6.6, HEAD_M = 0.095;
+const float FALL_M = 0.006, STRAY = 6.6, HEAD_M = 0.095;
 
 // A random word for a cell.
 uint cell_word(vec3 cell) {
