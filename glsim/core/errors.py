@@ -89,13 +89,12 @@ def one_line(error: BaseException) -> str:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the end of an "unknown name" message: similar names or, if there are none, all.
 
-    Names that contain the unknown one come first: "d435" means "realsense-d435".
+    Without a similar one, names that contain the unknown one: "d435" means "realsense-d435".
     """
     names = sorted(known)
     within = [n for n in names if len(name) > 2 and name.lower() in n.lower()]
-    near = dict.fromkeys([*within, *difflib.get_close_matches(name, names, n=3)])
-    if near:
-        return f"did you mean {' or '.join(repr(n) for n in [*near][:3])}?"
+    if near := difflib.get_close_matches(name, names, n=3) or within[:3]:
+        return f"did you mean {' or '.join(map(repr, near))}?"
     return f"known: {', '.join(names)}" if names else "there are none"
 
 

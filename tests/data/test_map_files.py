@@ -119,6 +119,6 @@ def test_denoise_and_corrupt_take_all_formats(
     for command in (["denoise", "-d", "median"], ["corrupt", "--backend", "numpy"]):
         assert main([command[0], "folder", "-o", f"out_{command[0]}", *command[1:], "-q"]) == 0
         names = sorted(path.name for path in Path(f"out_{command[0]}").iterdir())
-        assert names == ["a.npy", "b.tiff"]
+        assert names == ["a.npy", "b.tiff", "camera.toml"]
         assert main([*command[:1], "noisy.png", "-o", "x.jpg", *command[1:]]) == 2
         assert "ends in .png, .tif, .tiff, .npy, .exr" in capsys.readouterr().err
