@@ -49,7 +49,7 @@ _BIN_RATIO, _LEAST_PIXELS = 1.15, 200
 
 
 class Adaptation(NamedTuple):
-    """RMS distance of a denoised held-back frame from the mean of its still view, mm; and steps.
+    """Result of ``adapt``: RMS distances of a held-back frame from its still view's mean, mm.
 
     ``raw_mm``: of the noisy frame; ``before_mm``, ``after_mm``: by the network before and after.
     """
@@ -182,7 +182,7 @@ def _recorrupted_loss(
 
 
 class _Judge:
-    """The held-back still pair: distance of a denoised frame from the other's mean, off edges."""
+    """Judge of a network: how near a denoised frame comes to its still view, away from edges."""
 
     def __init__(self, first: DepthFrame, second: DepthFrame) -> None:
         self._frame = np.nan_to_num(first.measured_mm).astype(np.float32)
@@ -202,7 +202,7 @@ class _Judge:
 
 
 def _still_pairs(frames: Sequence[DepthFrame]) -> list[tuple[int, int]]:
-    """Find pairs of successive frames of one view, without a common frame; parts may move."""
+    """Find pairs of successive frames that show one still view; no frame is in two pairs."""
     pairs: list[tuple[int, int]] = []
     for n in range(1, len(frames)):
         free = not pairs or pairs[-1][1] < n - 1

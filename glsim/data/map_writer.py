@@ -88,7 +88,7 @@ class MapWriter:
     def write(
         self, frames: Frames, layer: str = "noisy_mm", *, skipped: Callable[[str], None]
     ) -> int:
-        """Write a layer of each frame, and beside several the camera that they state.
+        """Write one layer of each frame to its file; several files get a camera.toml beside them.
 
         Files of a data set keep the offset of their input.
 

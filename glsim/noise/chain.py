@@ -69,7 +69,7 @@ def check_chain(stages: Sequence[Stage], rig: SensorRig, where: str) -> None:
 
 
 def check_uniforms(source: ShaderSource) -> None:
-    """Raise ConfigError for a uniform that is neither a parameter nor bound by glsim."""
+    """Check a shader's uniforms. Raises ConfigError for one that nothing sets."""
     for name in source.bound:
         if name not in BOUND:
             raise ConfigError(

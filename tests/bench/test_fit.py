@@ -225,7 +225,7 @@ def test_unrelated_real_frames_are_refused_and_a_static_pair_is_not() -> None:
 
 @needs_real_kinect_v2
 def test_a_real_pair_gives_the_published_light_and_noise() -> None:
-    """Measured on 204 frames of this device: IR 30,300 / r^2."""
+    """204 other frames of this device give the law of its light, IR = 30,300 / r^2 (r in m)."""
     pair = read(*real("0007", "0008"))
     recording = Frames.of([frame.changed(intrinsics=REAL_IMAGE) for frame in pair])
     found = measure_recording(recording)

@@ -35,7 +35,7 @@ def planes(seed: int, values: dict[str, float]) -> list[DisparityNoise]:
 
 
 class PlantedFit(_Fit):
-    """A fit whose simulated planes are drawn: a device of another seed than the recording's."""
+    """Fit that compares with noise drawn by a formula, of another device, and renders nothing."""
 
     def noise(self, name: str = "", value: float = 0.0) -> list[DisparityNoise]:
         own = {key.partition(".")[2]: v for key, v in self.values.items()}

@@ -271,7 +271,7 @@ def _number(value: float) -> str:
 
 
 def measure(frames: Frames) -> Measurements:
-    """Take all measures of one set."""
+    """Measure noise, pattern, light, silhouettes and holes of one set of depth frames."""
     pairs = static_pairs(frames)
     size = frames.intrinsics.width, frames.intrinsics.height
     return Measurements(

@@ -32,7 +32,7 @@ def prove(
     recording: Recording, part: slice, fitted: FittedSensor, base: str,
     progress: Callable[[str], None],
 ) -> tuple[list[str], bool]:  # fmt: skip
-    """Compare the frames in ``part`` with their replays through base and fitted sensor.
+    """Compare a part of a recording with its replays through the base and the fitted sensor.
 
     Returns the lines of a table, and whether the fitted sensor's AUC is lower than its base's by
     two standard errors.

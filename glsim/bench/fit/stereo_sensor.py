@@ -326,7 +326,7 @@ def _result_lines(
     statistics: StereoStatistics, base: Sequence[DisparityNoise], own: Sequence[DisparityNoise],
     image: Intrinsics, baseline_m: float,
 ) -> dict[str, str]:  # fmt: skip
-    """Describe noise of the recording, and of planes by base and fitted sensor: name -> text."""
+    """List the noise of the recording, the base and the fitted sensor, px: name -> text."""
     by = "the base sensor's: the depths are on no lattice that says it"
     if statistics.lattice is not None:
         by = f"depths are round({statistics.lattice.constant:,.0f} / n) units"

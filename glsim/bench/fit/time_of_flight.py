@@ -193,7 +193,7 @@ def fitted_toml(
 def _result_lines(
     statistics: RecordingStatistics, tree: Mapping[str, Any], values: Mapping[str, float]
 ) -> dict[str, str]:
-    """Describe the fitted values beside the base's, and what the recording does not say."""
+    """List fitted values beside the base sensor's, and what the recording cannot tell."""
     fitted = {
         n: f"{v:.4g} (base: {_parameters(tree, n).get(n, 0.0):.4g})" for n, v in values.items()
     }

@@ -109,7 +109,7 @@ def read_camera_file(file: Path) -> StatedCamera:
 
 
 def write_camera_file(camera: StatedCamera, folder: Path) -> None:
-    """Write what is known of a camera as ``camera.toml``; a file that glsim did not write stays.
+    """Write a camera's known values to ``camera.toml``; never replace a file of the user's.
 
     The sensor stands in the name: the key ``sensor`` would also state intrinsics.
     """

@@ -1,4 +1,4 @@
-"""Wavefront OBJ: positions, polygons and material names, in the file's own vertex order.
+"""Read and write Wavefront OBJ files: positions, polygons, material names, order of vertices.
 
 trimesh splits vertices by texture coordinate; a morphable model needs the vertex order of the file.
 """
@@ -43,7 +43,7 @@ _MAX_CLIPPING = 500_000_000
 
 
 def encode_obj(vertices_mm: NDArray[np.floating[Any]], triangles: NDArray[np.integer]) -> bytes:
-    """Encode (V, 3) vertices and (T, 3) triangles, numbered from 0, as an OBJ file in mm."""
+    """Encode a mesh as an OBJ file, mm: (V, 3) vertices and (T, 3) indices from 0."""
     lines = ["# glsim; millimetres"]
     lines += ["v {:.4f} {:.4f} {:.4f}".format(*vertex) for vertex in vertices_mm.tolist()]
     lines += ["f {} {} {}".format(*corners) for corners in (triangles + 1).tolist()]
