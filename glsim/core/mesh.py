@@ -46,6 +46,8 @@ class Mesh:
             and one along them, in widths and lengths of a strand; share of the sheet that strands
             cover; depth, mm, down to which they lie below it, or minus the height of a halo of
             stray hairs. None: a closed surface.
+        folds: (V, 8) float32 for cloth: places among its folds, in distances between them along
+            three axes, and height, mm; for folds that hang and for creases. None: no folds.
     """
 
     vertices_mm: Floats
@@ -54,6 +56,7 @@ class Mesh:
     occluder: Triangles | None = None
     two_sided: bool = False
     strands: Floats | None = None
+    folds: Floats | None = None
 
     def __post_init__(self) -> None:
         """Check shapes and sizes of the arrays. Raises MeshError if they cannot be rendered."""

@@ -51,13 +51,14 @@ def link(
 
 
 class MeshPrograms(NamedTuple):
-    """The programs that draw closed surfaces and sheets of strands (lib/strands.glsl)."""
+    """The programs that draw surfaces, sheets of strands and cloth with folds (shaders/lib/)."""
 
     surface: moderngl.Program
     strands: moderngl.Program
+    folds: moderngl.Program
 
     def set_matrix(self, name: str, matrix: NDArray[np.float32]) -> None:
-        """Set a matrix uniform of both programs."""
+        """Set a matrix uniform of all programs."""
         for program in self:
             set_matrix(program, name, matrix)
 
@@ -69,7 +70,10 @@ def link_meshes(
     sources = load_source(SHADER_ROOT / fragment), load_source(SHADER_ROOT / vertex)
     strands = sources[0].with_defines(STRANDS=1, SAMPLES_PER_AXIS=samples)
     sheets = link(context, strands, sources[1].with_defines(STRANDS=1))
-    return MeshPrograms(link(context, *sources), sheets)
+    plain = cloth = link(context, *sources)
+    if "FOLDS" in sources[0].text:  # depth shows folds; shadows and regions do without
+        cloth = link(context, *(source.with_defines(FOLDS=1) for source in sources))
+    return MeshPrograms(plain, sheets, cloth)
 
 
 def link_files(

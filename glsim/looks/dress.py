@@ -12,13 +12,14 @@ import numpy as np
 
 from glsim.core.array_types import Array, Floats, Triangles, Whole
 from glsim.core.errors import ConfigError
-from glsim.core.mesh import SKIN_ALBEDO, Mesh
+from glsim.core.mesh import SKIN_ALBEDO, Mesh, occluder_of
 from glsim.faces.face_source import Face, FaceSource, WornPart
 from glsim.faces.generated import GeneratedFaces
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.beard import make_beard, make_beard_grid, make_brow_grid, make_brows
 from glsim.looks.binding import Binding, Hair, Motion, Points, Rigid, Shell, skull_motion, uncovered
-from glsim.looks.cloth import fit_cloth, make_cloth_grid, make_clothes
+from glsim.looks.cloth import make_clothes
+from glsim.looks.cloth_body import fit_cloth, make_cloth_grid
 from glsim.looks.glasses import make_glasses
 from glsim.looks.hair import make_hair, make_scalp
 from glsim.looks.noise import Pattern, pattern_factors
@@ -60,6 +61,7 @@ class _Worn:
     albedo: Floats
     strands: Floats | None = None
     occluder: Triangles | None = None
+    folds: Floats | None = None
     last: tuple[Points, Motion, WornPart] | None = None
 
     def place(self, vertices_mm: Points, motion: Motion) -> WornPart:
@@ -71,8 +73,9 @@ class _Worn:
                 return worn
         points = self.binding.place(vertices_mm, motion)
         mesh = Mesh(
-            points, self.faces, self.albedo, self.occluder, self.region == "hair", self.strands
-        )
+            points, self.faces, self.albedo, self.occluder,
+            self.region == "hair", self.strands, self.folds,
+        )  # fmt: skip
         self.last = skin, motion, WornPart(mesh, self.region)
         return self.last[2]
 
@@ -178,13 +181,15 @@ class Dresser:
         def wear(
             region: str, binding: Binding, faces: Triangles, albedo: float,
             pattern: Pattern = "plain", light: float | Array = 1.0, strands: Floats | None = None,
-            occluder: Triangles | None = None,
+            occluder: Triangles | None = None, folds: Floats | None = None,
         ) -> None:  # fmt: skip
             if len(faces):
                 points = binding.place(vertices, rest)
+                if region == "cloth":
+                    occluder = occluder_of(points, faces)
                 factors = pattern_factors(pattern, points, outfit.seed + len(worn))
                 values = np.clip(albedo * light * factors, 0.0, 1.0).astype(np.float32)
-                worn.append(_Worn(region, binding, faces, values, strands, occluder))
+                worn.append(_Worn(region, binding, faces, values, strands, occluder, folds))
 
         for region, hair in self._hair(anatomy, vertices, outfit):
             wear(
@@ -203,10 +208,13 @@ class Dresser:
         cloth = self._grid(make_cloth_grid) if outfit.garments else None
         if cloth is not None:
             body = fit_cloth(cloth, vertices)
-            shells = make_clothes(body, outfit.garments, outfit.tucked, anatomy.scale, outfit.seed)
+            made = make_clothes(body, outfit.garments, outfit.tucked, anatomy.scale, outfit.seed)
             patterns: tuple[Pattern, ...] = (outfit.pattern, "plain", "plain")
-            for shell, albedo, pattern in zip(shells, outfit.cloth_albedos, patterns, strict=False):
-                wear("cloth", shell, shell.faces, albedo, pattern)
+            for (shell, folds), albedo, pattern in zip(
+                made, outfit.cloth_albedos, patterns, strict=False
+            ):
+                wear("cloth", shell, shell.faces, albedo, pattern, folds=folds)
+                shells.append(shell)
         faces, occluder = anatomy.faces, face.mesh.occluder
         if shells:
             free = uncovered(faces, len(vertices), shells)

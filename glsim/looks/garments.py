@@ -29,7 +29,7 @@ class Garment:
         gathered: whether hem and cuffs are elastic ribs.
         placket: relief of a strip of buttons or a zip in front; 0 for none.
         tucked: share of people who tuck it into their trousers.
-        seen_rings: number of rings of triangles at the edges whose inner side is visible.
+        seen_mm: distance from the edges within which the inner side is visible.
     """
 
     name: str
@@ -48,7 +48,7 @@ class Garment:
     gathered: bool = False
     placket: float = 0.0
     tucked: float = 0.0
-    seen_rings: int = 3
+    seen_mm: float = 40.0
 
 
 _TABLE: Final = tomllib.loads(files(__package__).joinpath("garments.toml").read_text("utf-8"))

@@ -79,17 +79,16 @@ class MeshCache:
         sheet = []
         if mesh.strands is not None:
             sheet = [(make(np.ascontiguousarray(mesh.strands)), "4f 1f", "in_strand", "in_sink_mm")]
-        kind = bool(sheet)
-        surface = self._context.vertex_array(
-            self._surface[kind],
-            [position, (albedos, "1f", "in_albedo"), *sheet],
-            indices,
-            index_size,
-        )
+        seen, program = sheet, self._surface[bool(sheet)]
+        if mesh.folds is not None:
+            folds = make(np.ascontiguousarray(mesh.folds))
+            seen, program = [(folds, "4f 4f", "in_fold", "in_crease")], self._surface.folds
+        content = [position, (albedos, "1f", "in_albedo"), *seen]
+        surface = self._context.vertex_array(program, content, indices, index_size)
         if mesh.occluder is not None:
             indices, index_size = index_buffer(self._context, mesh.occluder, len(mesh.vertices_mm))
         projector = self._context.vertex_array(
-            self._projector[kind], [position, *sheet], indices, index_size
+            self._projector[bool(sheet)], [position, *sheet], indices, index_size
         )
         surface.extra = projector.extra = mesh.two_sided
         return GpuMesh(mesh.faces, mesh.occluder, positions, albedos, surface, projector, sheet)

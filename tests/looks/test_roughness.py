@@ -79,3 +79,16 @@ def test_a_sample_sees_a_strand_or_what_is_behind_it(context: Context) -> None:
         assert np.nanmedian(clear.whole_mm[0]) < 1290  # light of both
     found_mm = shot.whole_mm[0][np.isfinite(shot.whole_mm[0])]
     assert ((found_mm > 1030) & (found_mm < 1270)).mean() > 0.5
+
+
+def test_folds_stand_before_the_cloth_and_are_longer_than_wide(context: Context) -> None:
+    sheet = wall(1000.0, 0.1)
+    places = sheet.vertices_mm / np.array([25.0, 200.0, 25.0])
+    none = np.zeros_like(places)
+    folds = np.column_stack([places, np.full(len(places), 8.0), none, none[:, 0]])
+    cloth = replace(sheet, folds=folds.astype(np.float32))
+    for sensor in ("ideal", "kinect-v2"):
+        before_mm = 1000 - VirtualCamera(sensor, context).capture(cloth, 1).truth_mm
+        assert -0.1 < before_mm.min() < 3 < 12 < before_mm.max() <= 20.1
+        down, across = (np.abs(np.diff(before_mm, axis=k)).mean() for k in (0, 1))
+        assert across > 4 * down

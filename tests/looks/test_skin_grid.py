@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from glsim.looks.cloth import crests
 from glsim.looks.noise import Pattern, pattern_factors
 from glsim.looks.skin_grid import SkinGrid, make_grid
 
@@ -52,14 +51,6 @@ def test_cloth_is_cut_along_a_line_not_along_triangles() -> None:
     assert (60.3 - cut[:, 0] - 0.3 * cut[:, 1]).min() > -1e-3
     assert area(cut, left.faces) == pytest.approx(100 * (60.3 - 15), rel=1e-4)
     assert len(grid.clipped(np.ones(len(own)))[0].faces) == len(grid.faces)
-
-
-def test_folds_are_longer_than_wide() -> None:
-    line = np.arange(0, 2000, 4.0)[:, None]
-    zero = np.zeros((len(line), 2))
-    across = crests(np.hstack([line, zero]) / (60, 300, 60), 3)
-    along = crests(np.hstack([zero[:, :1], line, zero[:, :1]]) / (60, 300, 60), 3)
-    assert np.abs(np.diff(across)).mean() > 3 * np.abs(np.diff(along)).mean()
 
 
 @pytest.mark.parametrize("pattern", ["plain", "mottled", "stripes", "checks", "print"])
