@@ -38,12 +38,8 @@ def test_shares_over_people_are_as_set(name: str) -> None:
 
 def test_a_switch_changes_nothing_else() -> None:
     for all_on, without in zip(outfits(beard=0), outfits(beard=0, glasses=0), strict=True):
-        assert (all_on.hair, all_on.garments, all_on.hair_albedo, all_on.seed) == (
-            without.hair,
-            without.garments,
-            without.hair_albedo,
-            without.seed,
-        )
+        for name in ("hair", "garments", "hair_albedo", "seed"):
+            assert getattr(all_on, name) == getattr(without, name)
 
 
 def test_the_subject_alone_decides() -> None:

@@ -84,8 +84,7 @@ def test_a_sample_sees_a_strand_or_what_is_behind_it(context: Context) -> None:
 def test_folds_stand_before_the_cloth_and_are_longer_than_wide(context: Context) -> None:
     sheet = wall(1000.0, 0.1)
     places = sheet.vertices_mm / np.array([25.0, 200.0, 25.0])
-    none = np.zeros_like(places)
-    folds = np.column_stack([places, np.full(len(places), 8.0), none, none[:, 0]])
+    folds = np.column_stack([places, np.full(len(places), 8.0), np.zeros((len(places), 4))])
     cloth = replace(sheet, folds=folds.astype(np.float32))
     for sensor in ("ideal", "kinect-v2"):
         before_mm = 1000 - VirtualCamera(sensor, context).capture(cloth, 1).truth_mm
