@@ -254,6 +254,24 @@ class Recorrupted(NoisyTarget):
         return noisy_mm + tau * added_mm, noisy_mm - added_mm / tau
 
 
+class SelfReDepth(NoisyTarget):
+    """The frames of Duarte et al., "SelfReDepth", 2024: the target is the next noisy frame.
+
+    The noise of a static pixel is new in each frame. Where the face moves, errors beyond
+    ``beta_mm`` count linearly. Their inpainting of the target by colours has no counterpart here.
+    """
+
+    kind: Literal["selfredepth"] = "selfredepth"
+
+    def batch(self, noisy_mm: Tensor, clean_mm: Tensor) -> tuple[Tensor, Tensor]:
+        """Make the latest frame the target of those before it. Raises ConfigError without any."""
+        if noisy_mm.shape[1] < 2:
+            raise ConfigError("loss: selfredepth needs earlier frames: set model.before to 1")
+        earlier_mm = noisy_mm.roll(-1, dims=1)
+        earlier_mm[:, -1] = 0
+        return earlier_mm, noisy_mm[:, :1] * (earlier_mm[:, :1] > 0)
+
+
 class Sterzentsenko(NoisyTarget):
     """The priors of Sterzentsenko et al., "Self-Supervised Deep Depth Denoising", ICCV 2019.
 
@@ -293,7 +311,7 @@ class Sterzentsenko(NoisyTarget):
 #: [loss] kind -> class.
 LOSSES: Final[dict[str, type[Loss]]] = {
     kind.model_fields["kind"].default: kind
-    for kind in (AllPixels, Masked, Noise2Void, Recorrupted, Sterzentsenko)
+    for kind in (AllPixels, Masked, Noise2Void, Recorrupted, SelfReDepth, Sterzentsenko)
 }
 
 

@@ -104,7 +104,7 @@ def _glsim(
 ) -> None:
     """Generate pairs of clean and noisy 16-bit depth frames from 3D faces.
 
-    -q (errors only), -v (decisions) and --debug stand after the command: glsim generate -q.
+    All commands take -q (errors only), -v (decisions) and --debug (tracebacks).
     """
 
 

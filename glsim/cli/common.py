@@ -238,10 +238,12 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
         raise KeyboardInterrupt  # as for Ctrl-C: ends workers, removes temporary files
 
     _print_any_character()
-    words = sys.argv[1:] if arguments is None else arguments
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    if len(words) > 1 and words[0] in ("-q", "-v", "--debug"):  # all commands take them
+        words.append(words.pop(0))
     try:
         with _on_sigterm(terminate):
-            result = command(args=arguments, standalone_mode=False)
+            result = command(args=words, standalone_mode=False)
         if result == _INTERRUPTED:
             raise KeyboardInterrupt
         sys.stdout.flush()

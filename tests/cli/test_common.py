@@ -28,6 +28,7 @@ def _options_as_before() -> Iterator[None]:
 
 def test_shared_options_hold_for_one_command_line(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["sensors", "-q"]) == 0
+    assert main(["-q", "sensors"]) == 0
     assert options.quiet
     assert main(["stages", "no_such_stage", "--debug"]) == 2
     assert "Traceback" in capsys.readouterr().err

@@ -10,7 +10,7 @@ from torch import Tensor
 from torch.utils.data import Subset
 
 from glsim.core.depth_frame import FrameKey
-from glsim.core.errors import ConfigError
+from glsim.core.errors import ConfigError, DatasetError
 from glsim.data.reader import open_dataset
 from glsim.networks import checkpoint
 from glsim.networks.inputs import NetworkInputs, stack_inputs
@@ -137,6 +137,15 @@ def test_stored_pairs_have_their_neighbours(videos: Path, cache_mb: float) -> No
             expected += [0 * stored[number].noisy_mm] * (length - len(side))
         np.testing.assert_array_equal(noisy, np.stack(expected))
         np.testing.assert_array_equal(clean_mm[0], stored[number].clean_mm)
+
+
+def test_frames_of_new_poses_are_no_neighbours_in_time(tmp_path: Path) -> None:
+    turned = load_settings(
+        overrides={"source": {"kind": "procedural"}, "pose": {"yaw_deg": {"uniform": [-9, 9]}}}
+    )
+    make(tmp_path / "set", turned, make_tasks(1, 2))
+    with pytest.raises(DatasetError, match=r"pose\.yaw_deg .* --set redraw=sequence"):
+        StoredPairs(tmp_path / "set", "train", inputs=NetworkInputs(before=1))
 
 
 def test_augmentation_applies_to_all_inputs_alike(videos: Path) -> None:

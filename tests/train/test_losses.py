@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from glsim.core.errors import ConfigError
 from glsim.train.data.stored import Photographs
 from glsim.train.losses import Masked, build_loss, target_surface
 from glsim.train.models.base import Prediction
@@ -38,6 +39,16 @@ def test_recorrupted_input_and_target_have_independent_noise(noisy_mm: torch.Ten
     assert torch.equal(seen, target != 0)
     assert abs(torch.corrcoef(torch.stack([changed[seen], target[seen]]))[0, 1].item()) < 0.02
     assert target[seen].std().item() == pytest.approx(2 * (1 + 0.85 / 0.15) ** 0.5, rel=0.03)
+
+
+def test_the_next_frame_is_the_target_of_those_before_it(noisy_mm: torch.Tensor) -> None:
+    loss, video_mm = build_loss({"kind": "selfredepth"}), noisy_mm.view(1, 4, 96, 96)
+    earlier_mm, target_mm = loss.batch(video_mm, noisy_mm)
+    assert torch.equal(earlier_mm[:, :3], video_mm[:, 1:])
+    assert not earlier_mm[:, 3].any()
+    assert torch.equal(target_mm, video_mm[:, :1] * (video_mm[:, 1:2] > 0))
+    with pytest.raises(ConfigError, match=r"set model\.before"):
+        loss.batch(noisy_mm, noisy_mm)
 
 
 def test_priors_weigh_roughness_against_the_measured_depth() -> None:

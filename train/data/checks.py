@@ -89,6 +89,17 @@ def checked_split(
     return split
 
 
+def require_videos(dataset: Dataset) -> None:
+    """Raise DatasetError if successive frames show other poses: they are no neighbours in time."""
+    settings = dataset.header["settings"]
+    for name, values in settings["pose"].items():
+        if values["per"] == "frame" and "constant" not in values and not settings.get("redraw"):
+            raise DatasetError(
+                f"{dataset}: pose.{name} is drawn for each frame, so the one before shows another: "
+                "generate with --set redraw=sequence --set source.frames_per_second=30"
+            )
+
+
 def fingerprint(dataset: Path) -> dict[str, Any]:
     """Return the identity of a data set for checkpoints: equal for equal data in any folder.
 

@@ -25,7 +25,7 @@ from glsim.core.seeds import pcg_rng
 from glsim.core.units import from_steps
 from glsim.data.reader import open_dataset
 from glsim.networks.inputs import DEPTH_ALONE, NetworkInputs, stack_inputs
-from glsim.train.data.checks import Cut, Target, checked_split, moved_pair
+from glsim.train.data.checks import Cut, Target, checked_split, moved_pair, require_videos
 from glsim.train.data.extra_inputs import Neighbours, vary_inputs
 
 #: (noisy_mm, clean_mm), float32 millimetres, 0 = no return; see `PairDataset` for their shapes.
@@ -142,6 +142,7 @@ class StoredPairs(PairDataset):
         self._inputs = inputs
         self._neighbours: Neighbours | None = None
         if inputs.temporal:
+            require_videos(self.dataset)
             keys = [self.split.key(number) for number in range(len(self.split))]
             self._neighbours = Neighbours(keys, inputs)
         self._crop, self._cut, self._seed = crop, cut, seed
