@@ -125,8 +125,8 @@ def adapt(
     pairs = _still_pairs(frames)
     if len(pairs) < 2:
         raise TrainError(
-            f"{2 * len(pairs)} of the {len(frames)} frames show a still view in pairs: record at "
-            "least four frames with camera and scene at rest, and then what you like"
+            f"{2 * len(pairs)} of the {len(frames)} frames show a still view in pairs, and 4 are "
+            "needed: record with camera and scene at rest, and then what you like"
         )
     rng, held = np.random.default_rng(seed), pairs[-1]
     noise = MeasuredNoise(frames, pairs[:-1])

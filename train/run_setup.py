@@ -153,8 +153,8 @@ def last_checkpoint(
     difference = parse_table(Recipe, last["recipe"], str(path)).difference(recipe)
     if difference is not None:
         raise TrainError(
-            f"{path}: is of another recipe: its {difference}: use that recipe, or name another "
-            "folder (-o)"
+            f"{path}: is of another recipe: its {difference}: repeat the recipe and all --set of "
+            "its first command, or name another folder (-o)"
         )
     data: dict[str, Any] = last["data"]
     names = sorted(n for n in data.keys() | fingerprint if data.get(n) != fingerprint.get(n))

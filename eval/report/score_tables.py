@@ -113,7 +113,8 @@ def _minus_best(summary: ScoreSummary) -> dict[str, str]:
     for method in known:
         gap = paired_difference(values[method], values[best])
         mean, low, high = (format_number(x) for x in (gap.mean, gap.low, gap.high))
-        cells[method] = mean if method == best or math.isnan(gap.low) else f"{mean} [{low}, {high}]"
+        few = gap.subjects < FEW_SUBJECTS or method == best
+        cells[method] = mean if few else f"{mean} [{low}, {high}]"
     return cells
 
 
@@ -135,6 +136,7 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
             )
         ],
     )
+    enough = len(evaluation.summary.subjects) >= FEW_SUBJECTS
     for title, names in TABLE_SECTIONS.items():
         metrics = [METRICS[name] for name in names]
         heads = [f"{m.heading} {m.arrow}".strip() for m in metrics]
@@ -142,7 +144,7 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
         if title == GROUPS["paper"]:
             scores.parts.append(TEXTS["scores"]["paper"])
         gaps = _minus_best(evaluation.summary) if _INSIDE in names else {}
-        scores.parts.append(_table(table, metrics, heads, intervals=True, gaps=gaps))
+        scores.parts.append(_table(table, metrics, heads, intervals=enough, gaps=gaps))
     won = [Document("Result", [winners(evaluation.summary)])]
     others = (_region_document(table), _bias_document(evaluation.summary), _baselines(evaluation))
     return [*won, scores, *(document for document in others if document is not None)]

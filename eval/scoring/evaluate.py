@@ -91,6 +91,7 @@ def evaluate(
     folder = out / ".blocks" / digest
     with wrap_write_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
+        _check_owner(out, f"{job.split} of {job.dataset.absolute()}")
     blocks = [
         FrameBlock(number, first, min(_BLOCK, len(frames) - first))
         for number, first in enumerate(range(0, len(frames), _BLOCK))
@@ -98,6 +99,15 @@ def evaluate(
     _score_missing(job, folder, blocks, workers or available_workers(), len(frames), progress)
     evaluation = _collect(out, folder, blocks, -(-len(frames) // job.stride), metrics)
     return replace(evaluation, protocol=frames.protocol)
+
+
+def _check_owner(out: Path, scored: str) -> None:
+    """Note what is scored in a folder. Raises ConfigError if it has the scores of other frames."""
+    note = out / ".blocks" / "scored"
+    owner = note.read_text() if note.is_file() else scored
+    if owner != scored:
+        raise ConfigError(f"{out}: holds the scores of {owner}: name another folder by -o")
+    note.write_text(scored)
 
 
 def load_methods(specs: Sequence[str], *taken: str) -> list[Denoiser]:

@@ -54,10 +54,11 @@ def _folder_frames(
     (truths, _), (noisy_maps, note) = _maps(path, truth), _maps(path, "noisy")
     found = {truth: truths, "noisy": noisy_maps}
     stems = sorted({*found[truth], *found["noisy"]}, key=lambda stem: (_key(stem), stem))
-    if not stems:
+    same = {m.file for m in truths.values()} & {m.file for m in noisy_maps.values()}
+    if same or not stems:
         raise DatasetError(
             f"{path}: is no data set of glsim (it has no {HEADER}), and holds no pairs of "
-            f"*_{truth} and *_noisy depth maps"
+            f"*_{truth} and *_noisy depth maps; glsim eval-real scores frames of a real camera"
         )
     protocol: DepthProtocol = "depth"
     with suppress(DatasetError, LookupError):  # scoring reports the frame later

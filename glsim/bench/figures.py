@@ -31,10 +31,11 @@ def draw_comparison(comparison: Comparison, first: Frames, second: Frames, file:
     for row, number in zip(axes, numbers, strict=True):
         depths = [np.nan_to_num(f[number].measured_mm) for f in (first, second)]
         reliefs = [_relief(depth) for depth in depths]
-        near, far = np.quantile(depths[0][depths[0] > 0], (0.02, 0.98))
         most = _COLOURS * float(np.nanmedian(np.abs(reliefs[0])))
         for axis, depth, relief in zip(row[:2], depths, reliefs, strict=True):
             shown, beside = np.where(depth > 0, depth, np.nan), row[2 + (axis is row[1])]
+            near, far = np.nanquantile(shown, (0.02, 0.98))
+            axis.set_xlabel(f"{near:.0f} to {far:.0f} mm", fontsize=8)
             axis.imshow(shown, cmap="viridis_r", vmin=near, vmax=far, interpolation="nearest")
             beside.imshow(relief, cmap="RdBu", vmin=-most, vmax=most, interpolation="nearest")
         row[3].set_ylabel(f"+-{most:.1f} mm", fontsize=8)

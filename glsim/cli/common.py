@@ -212,6 +212,7 @@ _INTERRUPTED = 130
 #: Command -> how an interrupted run goes on; the other commands begin anew.
 _GOES_ON = {
     "train": "run it again with --resume to go on",
+    "tune": "the same command has its last settings",
     **dict.fromkeys(("eval", "generate", "import", "paper"), "run the same command again to go on"),
 }
 #: Settings that older versions of ``generate`` and ``render`` had as options.

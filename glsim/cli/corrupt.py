@@ -82,11 +82,8 @@ def corrupt(
     )
     names = (p.with_stem(re.sub("_clean$", "_noisy", p.stem)) for p in recording.outputs)
     recording = replace(recording, outputs=tuple(names))
-    states_step = recording.step_mm != 1 or recording.votes.names_step
-    writer = MapWriter(
-        recording, [clean], out, option="--depth-unit-mm", states_step=states_step,
-        sensor=Path(settings.sensor).stem,
-    )  # fmt: skip
+    sensor = Path(settings.sensor).stem
+    writer = MapWriter(recording, [clean], out, option="--depth-unit-mm", sensor=sensor)
     focal = centre = None
     if (camera := recording.camera) is not None:
         focal, centre = (camera.fx, camera.fy), (camera.cx, camera.cy)

@@ -88,6 +88,8 @@ def generate(
     given = any(text.startswith(("source=", "source.kind")) for text in assignments or ())
     if preset is None and config is None and source in (None, "procedural") and not given:
         preset = DEFAULT_PRESET
+    if root is not None and source is None and config is None and not given:
+        raise ConfigError(f"--root {root}: say what it holds by --source, for mesh files: folder")
     faces = overrides(
         kind=source, root=root, subjects=subjects, frames_per_subject=frames_per_subject
     )

@@ -130,7 +130,7 @@ def _camera(recording: Recording) -> dict[str, Any]:
         "sensor": sensor or None,
         "because": why if sensor else None,
         "denoiser": choose_network(recording)[0],
-        "notes": recording.sentence(),
+        "notes": recording.sentence(camera=False),
     }
 
 

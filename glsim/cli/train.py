@@ -163,8 +163,10 @@ def _print_result(report: dict[str, Any], folder: Path) -> None:
             f"{best['step']}, {folder / 'best.pt'}"
         )
     else:
+        later = "" if best["step"] else "; best.pt comes with the first validation"
         print_message(
-            f"stopped after step {report['steps']}: saved in {folder}, go on with --resume"
+            f"stopped after step {report['steps']}: saved in {folder}, go on by the same command "
+            f"and --resume{later}"
         )
 
     figures = report["validation"]

@@ -58,15 +58,14 @@ def write_frame(
 ) -> list[Path]:
     """Write ``<stem>_<layer>.png`` for each layer and return the paths.
 
-    Depth states a step other than 1 mm, and the name of the sensor.
+    Depth states its step and the name of the sensor.
 
     Existing files are replaced, and every file is complete or absent. Raises ConfigError for an
     unknown layer or a depth that does not fit 16 bits, DatasetError if a file cannot be written.
     """
-    unit_mm = None if frame.depth_unit_mm == 1 else frame.depth_unit_mm
     files = {}
     for layer in layers:
-        stated = (unit_mm, sensor) if layer in ("clean", "noisy", "expected") else ()
+        stated = (frame.depth_unit_mm, sensor) if layer in ("clean", "noisy", "expected") else ()
         files[directory / f"{stem}_{layer}.png"] = encode_png(frame.image(layer), *stated)
     for path, image in files.items():
         write_atomic(image, path)

@@ -329,7 +329,6 @@ def encode_map(
     form: str,
     unit_mm: float,
     option: str = "--depth-unit-mm",
-    state_unit: bool = False,
     sensor: str = "",
 ) -> bytes:
     """Encode a depth map as the bytes of a file.
@@ -344,7 +343,7 @@ def encode_map(
     units = to_steps(depth_m, unit_mm, option)
     if form != "png":
         return _encode_tiff(units)
-    return encode_png(units, unit_mm if state_unit else None, sensor)
+    return encode_png(units, unit_mm, sensor)
 
 
 def _encode_tiff(image: NDArray[np.uint16] | NDArray[np.float32]) -> bytes:

@@ -43,7 +43,6 @@ class MapWriter:
         given_mm: float | None = None,
         option: str = "--out-unit-mm",
         finest_mm: float | None = None,
-        states_step: bool = True,
         sigma_out: Path | None = None,
         sensor: str = "",
     ) -> None:
@@ -60,7 +59,7 @@ class MapWriter:
             sigma_out: folder or file name of the outputs of the layer "sigma_mm".
             sensor: the sensor that the outputs state. Default: the stated one.
         """
-        self._option, self._states_step, self._out = option, states_step, out
+        self._option, self._out = option, out
         camera = recording.stated if recording.is_one_camera else StatedCamera()
         self._camera = replace(camera, sensor=sensor or recording.stated.sensor)
         self.targets = _targets(recording, inputs, out, form)
@@ -80,7 +79,7 @@ class MapWriter:
         elif given_mm is None and finest_mm is not None and forms == {"png"}:
             fits = recording.votes.deepest_mm <= DEEPEST_STEPS * finest_mm
             self.step_mm = min(recording.step_mm, finest_mm if fits else 2 * finest_mm)
-        coarser = [recording.step_mm] if given_mm is None and states_step else []
+        coarser = [recording.step_mm] if given_mm is None else []
         tiff_mm = self.step_mm if "tiff" in forms else None  # PNG files state their steps
         self._camera = replace(self._camera, unit_mm=tiff_mm)
         self._steps_mm = dict.fromkeys([self.step_mm or 1.0, *coarser])
@@ -128,10 +127,9 @@ class MapWriter:
     def _encode(self, frame: DepthFrame, depth_mm: Depth, form: str) -> bytes:
         """Encode a map; if it is too deep for a step that no option gave, use its input's step."""
         depth_m, problem = to_metres(depth_mm), ""
-        states = self._states_step, self._camera.sensor
         for step_mm in self._steps_mm:
             try:
-                return encode_map(depth_m, form, step_mm, self._option, *states)
+                return encode_map(depth_m, form, step_mm, self._option, self._camera.sensor)
             except DepthRangeError as error:
                 problem = str(error)
         raise DepthRangeError(f"{frame.record.get('file', frame.name)}: {problem}")

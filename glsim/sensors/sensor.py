@@ -255,20 +255,17 @@ def _anchor(tree: dict[str, Any], folder: Path) -> None:
 
 
 def _merge_stages(tree: dict[str, Any], own: Any, file: Path, other: Path) -> None:
-    """Merge the stages ``own`` into the stages of the extended sensor file, in place."""
-    stages = tree.get("stage", [])
+    """Merge the stages ``own`` into those of the extended sensor file, in place; new ones last."""
+    stages = tree.setdefault("stage", [])
     tables = (stages, own)
     if not all(isinstance(t, list) and all(isinstance(s, dict) for s in t) for t in tables):
         raise ConfigError(f"{file}: write each stage as a table of its own, [[stage]]")
     known = {_name(stage, other): stage for stage in stages}
     for stage in own:
-        name = _name(stage, file)
-        if name not in known:
-            raise ConfigError(
-                f"{file}: changes the stage {name!r}, which {other.name} does not have "
-                f"({did_you_mean(name, known)}); a file with other stages extends none"
-            )
-        known[name].update(stage)
+        if (name := _name(stage, file)) in known:
+            known[name].update(stage)
+        else:
+            stages.append(stage)
 
 
 def _name(stage: dict[str, Any], file: Path) -> str:

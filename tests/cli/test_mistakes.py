@@ -27,6 +27,7 @@ generate -o data --subjects 0
 generate -o new --subjects 99999999999999999999999
 generate -o new --source peple
 generate -o new --source folder
+generate -o new --root maps
 generate -o new --sensor kinect-v3
 generate -o new --sensor broken.toml
 generate -o new --preset offce
@@ -49,6 +50,7 @@ denoise map.png -o map.png
 denoise map.png -o out.png -d medan
 denoise map.png -o out.png -d median:size=4
 eval data -d medan
+eval data -d median -o scored
 train fase --data data
 train face --data data --steps 0
 export data -o out --to plyy
@@ -74,6 +76,8 @@ corrupt cut.png -o out.png
 corrupt colour.png -o out.png
 denoise cut.png -o out.png -d median
 eval empty -d median
+eval maps -d median
+eval data -d median -o map.png
 train face --data nothing
 export damaged -o out --to ply
 verify damaged
@@ -108,6 +112,8 @@ def fill(place: Path) -> None:
     (place / "damaged").mkdir()
     (place / "damaged" / "dataset.json").write_text('{"format')
     (place / "empty").mkdir()
+    (place / "scored/.blocks").mkdir(parents=True)
+    (place / "scored/.blocks/scored").write_text("test of another data set")
 
 
 def listing(folder: Path) -> set[str]:

@@ -154,7 +154,7 @@ def test_ctrl_c_is_kept_and_resumed(
     with monkeypatch.context() as patch:
         patch.setattr(torch.utils.data.DataLoader, "__iter__", read_and_press)
         assert main([*command, "-o", "parts"]) == 1
-    assert "go on with --resume" in " ".join(capsys.readouterr().err.split())
+    assert "the same command and --resume" in " ".join(capsys.readouterr().err.split())
     assert json.loads((here / "parts" / "run.json").read_text())["state"] == "interrupted"
     assert "--resume" in fails(capsys, 1, *command[1:], "-o", "parts")
     assert main([*command, "-o", "parts", "--resume", "-q"]) == 0

@@ -229,4 +229,4 @@ def test_a_ruined_method_is_marked_though_the_papers_metrics_praise_it(
     )
     assert re.search(r"best inside surfaces: \S+ mm better than `ruin:bend` .* 3 of 3 people", text)
     assert "made of the truth of very few people" in text, "why the mean face beats every method"
-    assert f"{best[1]} [" in next(line for line in text.splitlines() if "| `noisy`" in line)
+    assert f"| {best[1]} |" in next(line for line in text.splitlines() if "| `noisy`" in line)

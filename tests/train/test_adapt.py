@@ -42,7 +42,7 @@ def test_drawn_noise_has_the_size_and_correlation_of_the_measured() -> None:
 
 
 def test_frames_without_two_still_pairs_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(TrainError, match=r"2 of the 2 frames .* at least four frames"):
+    with pytest.raises(TrainError, match=r"2 of the 2 frames .* and 4 are needed"):
         adapt(recording(1), tmp_path / "mine.onnx", "face", 25)
     assert not (tmp_path / "mine.onnx").exists()
 

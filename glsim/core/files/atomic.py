@@ -38,6 +38,8 @@ _ADVICE = {
     errno.EPERM: "check the permissions or choose another folder",
     errno.EROFS: "the file system is read-only, choose another folder",
     errno.EMFILE: "raise the limit of open files (ulimit -n)",
+    errno.ENOTDIR: "a file stands in its path: choose another folder",
+    errno.ENOENT: "no file can be made there: choose another folder",
     errno.ENAMETOOLONG: "choose a shorter name",
 }
 _BLOCK_BYTES = 1 << 20

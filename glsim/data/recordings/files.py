@@ -62,7 +62,6 @@ class Votes(NamedTuple):
     maps_mm: tuple[Floats, ...] = ()
     step_mm: float = 1.0
     deepest_mm: float = 0.0
-    names_step: bool = False
 
 
 class MapFiles:
@@ -122,7 +121,7 @@ class MapFiles:
         maps = [self._in_mm(place, image) for place, image in images.items()]
         deepest_mm = max(float(depth_mm.max(initial=0)) for depth_mm, _ in maps)
         shown = tuple(depth_mm for depth_mm, _ in maps[:SHOWN])
-        self.votes = Votes(shown, maps[0][1], deepest_mm, named != {None})
+        self.votes = Votes(shown, maps[0][1], deepest_mm)
 
     def __len__(self) -> int:
         return len(self.places)

@@ -52,7 +52,7 @@ SURE_FIT: Final = 0.88  # ends the search in a metric unit
 PERFECT_FIT: Final = 0.95  # ends the search over sizes: faces upside down at 1.5 times reach 0.93
 FACE_RATIO: Final = 1.3  # of a face to the mean face: 0.83 to 1.18 in heads of three sources
 METRIC_RATIO: Final = 1.45  # is doubted from FACE_RATIO on; 20 mm a unit differ from cm by 2
-GIVEN_RATIO: Final = 2.5  # a given unit is obeyed below; inches differ from centimetres by 2.54
+GIVEN_RATIO: Final = 1.95  # a given unit is obeyed below: 2.54 cm an inch, over FACE_RATIO
 UPRIGHT_DEG: Final = 12.0  # heads of ICT-FaceKit seem tilted by up to 10 degrees, once by 13
 PLAIN_DEG: Final = 20.0  # a weak fit gives the pose worse: quarter turns are taken instead
 TRIES: Final = 40  # noses to fit; with 24 instead of 80, 6 of 26 whole bodies were not found
@@ -288,7 +288,7 @@ def _lengths(size: float, unit: str) -> list[list[float]]:
             return [[length]]
         raise MeshError(
             f"with unit={unit} it is {size * length:.4g} mm across, and should be "
-            f"{MIN_HEAD_MM:.0f} to {MAX_SCENE_MM:.0f} mm; try unit='auto' or another unit"
+            f"{MIN_HEAD_MM:.0f} to {MAX_SCENE_MM:.0f} mm; give another unit"
         )
     metric = [UNITS_MM[name] for name in DETECTED_UNITS]
     metric.sort(key=lambda mm: not MIN_HEAD_MM <= size * mm <= MAX_HEAD_MM)
@@ -340,11 +340,12 @@ def _unit_of(fit: FaceFit | None, extent: float, unit: str, doubts: list[str]) -
     """Return name and length (mm) of the unit; append to ``doubts``. Raises MeshError."""
     if unit != "auto":
         length = UNITS_MM[unit] if unit in UNITS_MM else float(unit)
-        if fit is not None and _ratio(length, fit.mm_per_unit) > GIVEN_RATIO:
-            raise MeshError(
-                f"with unit={unit} the face is {length / fit.mm_per_unit:.2g} times as large as a "
-                f"mean one; unit='{fit.mm_per_unit:.3g}' makes it so, or unit='auto' finds it"
-            )
+        if fit is not None and (ratio := _ratio(length, fit.mm_per_unit)) > METRIC_RATIO:
+            size = f"{length / fit.mm_per_unit:.2g} times as large as a mean one"
+            if ratio > GIVEN_RATIO:
+                mean = f"unit='{float(f'{fit.mm_per_unit:.3g}'):g}' makes it so"
+                raise MeshError(f"with unit={unit} the face is {size}; {mean}, or try unit='auto'")
+            doubts.append(f"with unit {unit} the face is {size}")
         return (unit if unit in UNITS_MM else f"{length:g} mm"), length
     if fit is None:
         lengths = _lengths(extent, unit)[0]

@@ -85,8 +85,8 @@ def test_settings_are_used_and_the_guess_is_logged(
         f"{path}: unit mm, axes +x+y+z, 215 mm across (unit and axes found by rule" in caplog.text
     )
     assert json.loads(json.dumps(loaded.notes))["unit"] == "mm"
-    given = load_mesh(path, unit="2", axes="-x+y-z")
-    assert given.alignment.mm_per_unit == 2.0
+    given = load_mesh(path, unit="1.5", axes="-x+y-z")
+    assert given.alignment.mm_per_unit == 1.5
 
 
 def test_a_clockwise_mesh_is_turned_round(tmp_path: Path) -> None:
