@@ -50,11 +50,6 @@ def test_a_wrong_note_names_its_line() -> None:
             declared(f"[0, 10; {note}] mm help")
 
 
-def test_steps_are_round_numbers() -> None:
-    assert declared("[0, 3] mm shift").step == pytest.approx(0.02)
-    assert declared("[1, 8] 1 octaves", kind="int", default="1").step == 1
-
-
 def test_sliders_of_windows_keep_them_odd() -> None:
     control = declared("[3, 21; step 2] px window", kind="int", default="9")
     assert (control.least, control.most, control.step) == (3, 21, 2)

@@ -353,16 +353,6 @@ def test_playing_shows_frame_after_frame(page: Any) -> None:
     undo(page)
 
 
-def test_a_narrow_screen_shows_pictures_and_editor(page: Any) -> None:
-    whole = page.viewport_size
-    page.set_viewport_size({"width": 390, "height": 844})
-    for place in (".left", ".view", ".figures", ".code", ".top"):
-        box = page.locator(f".tune {place}").bounding_box()
-        assert (box["x"], box["width"]) == (0, 390), place
-        assert box["height"] > 60, place
-    page.set_viewport_size(whole)
-
-
 def test_the_page_says_nothing_on_its_console_and_asks_no_other_server(
     page: Any, server: Server
 ) -> None:

@@ -26,14 +26,6 @@ def test_a_dragged_slider_is_one_step_back() -> None:
     assert not history.change(history.now), "nothing has changed"
 
 
-def test_a_change_after_undo_is_a_step_of_its_own() -> None:
-    history = History(START)
-    history.change(START.with_value("seed", 1), "seed")
-    history.undo()
-    history.change(START.with_value("seed", 2), "seed")
-    assert history.undo() == START
-
-
 def test_a_tuning_that_cannot_be_drawn_is_forgotten() -> None:
     history = History(START)
     history.change(START.with_value("seed", 1), "seed")
@@ -45,10 +37,6 @@ def test_a_tuning_that_cannot_be_drawn_is_forgotten() -> None:
     assert not history.refuse(bad), "it is no longer the current one"
     history.undo()
     assert not history.refuse(history.now), "the first one stays"
-
-
-def test_a_value_is_taken_back_with_none() -> None:
-    assert START.with_value("seed", 1).with_value("seed", None) == START
 
 
 def test_a_new_stage_that_is_taken_back_takes_its_values_along() -> None:

@@ -94,10 +94,8 @@ def require_videos(dataset: Dataset) -> None:
     settings = dataset.header["settings"]
     for name, values in settings["pose"].items():
         if values["per"] == "frame" and "constant" not in values and not settings.get("redraw"):
-            raise DatasetError(
-                f"{dataset}: pose.{name} is drawn for each frame, so the one before shows another: "
-                "generate with --set redraw=sequence --set source.frames_per_second=30"
-            )
+            again = f"pose.{name} is new in each frame: generate with --set redraw=sequence"
+            raise DatasetError(f"{dataset}: has no videos: {again}")
 
 
 def fingerprint(dataset: Path) -> dict[str, Any]:

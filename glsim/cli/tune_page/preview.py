@@ -127,7 +127,9 @@ def pack(frame: Frame, number: int) -> bytes:
     }
     head = json.dumps(tree, separators=(",", ":"), allow_nan=False).encode()
     head += b" " * (-len(head) % 4)
-    return b"".join([len(head).to_bytes(4, "little"), head, *map(_padded, layers.values())])
+    images = (np.ascontiguousarray(i, i.dtype.newbyteorder("<")) for i in layers.values())
+    parts = (raw + b"\0" * (-len(raw) % 4) for raw in (image.tobytes() for image in images))
+    return b"".join([len(head).to_bytes(4, "little"), head, *parts])
 
 
 def shown_layers(frame: Frame) -> dict[str, NDArray[Any]]:
@@ -140,11 +142,6 @@ def shown_layers(frame: Frame) -> dict[str, NDArray[Any]]:
     layers = {name: seen.image(name) for name in names}
     extra = {n: frame.extra[n] for n in (DISPARITY_LAYER,) if n in frame.extra}
     return layers | extra
-
-
-def _padded(image: NDArray[Any]) -> bytes:
-    raw = np.ascontiguousarray(image, image.dtype.newbyteorder("<")).tobytes()
-    return raw + b"\0" * (-len(raw) % 4)
 
 
 def marked_lines(message: str, file: str) -> dict[int, str]:
