@@ -257,8 +257,8 @@ class Recorrupted(NoisyTarget):
 class SelfReDepth(NoisyTarget):
     """The frames of Duarte et al., "SelfReDepth", 2024: the target is the next noisy frame.
 
-    The noise of a static pixel is new in each frame. Where the face moves, errors beyond
-    ``beta_mm`` count linearly. Their inpainting of the target by colours has no counterpart here.
+    Noise is new in each frame; where a face moves, large errors count linearly. Their inpainting of
+    the target by colours has no counterpart here.
     """
 
     kind: Literal["selfredepth"] = "selfredepth"
@@ -266,7 +266,7 @@ class SelfReDepth(NoisyTarget):
     def batch(self, noisy_mm: Tensor, clean_mm: Tensor) -> tuple[Tensor, Tensor]:
         """Make the latest frame the target of those before it. Raises ConfigError without any."""
         if noisy_mm.shape[1] < 2:
-            raise ConfigError("loss: selfredepth needs earlier frames: set model.before to 1")
+            raise ConfigError("selfredepth needs earlier frames: set model.before to 1")
         earlier_mm = noisy_mm.roll(-1, dims=1)
         earlier_mm[:, -1] = 0
         return earlier_mm, noisy_mm[:, :1] * (earlier_mm[:, :1] > 0)
