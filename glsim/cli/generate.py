@@ -90,9 +90,8 @@ def generate(
         preset = DEFAULT_PRESET
     if root is not None and source is None and config is None and not given:
         raise ConfigError(f"--root {root}: say what it holds by --source, for mesh files: folder")
-    faces = overrides(
-        kind=source, root=root, subjects=subjects, frames_per_subject=frames_per_subject
-    )
+    counts = overrides(subjects=subjects, frames_per_subject=frames_per_subject)
+    faces = overrides(kind=source, root=root) | counts
     settings = load_settings(
         config, assignments or [], overrides(sensor=sensor, seed=seed), faces, preset
     )

@@ -94,8 +94,8 @@ def require_videos(dataset: Dataset) -> None:
     settings = dataset.header["settings"]
     for name, values in settings["pose"].items():
         if values["per"] == "frame" and "constant" not in values and not settings.get("redraw"):
-            again = f"pose.{name} is new in each frame: generate with --set redraw=sequence"
-            raise DatasetError(f"{dataset}: has no videos: {again}")
+            why = f"pose.{name} is new in each frame: generate with --set redraw=sequence"
+            raise DatasetError(f"{dataset}: has no videos: {why}")
 
 
 def fingerprint(dataset: Path) -> dict[str, Any]:
