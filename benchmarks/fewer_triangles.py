@@ -53,7 +53,7 @@ def main() -> None:
             continue
         drawn = depths_mm(source, assignments, asked.subjects)
         with (
-            patch.multiple(cloth, _DRAWN_SHARE=1.0, _DRAWN_OF_PEOPLE=1.0),
+            patch.object(cloth, "_DRAWN_SHARE", 1.0),
             patch.object(scenes, "_FAR_PIXEL_MM", math.inf),
         ):
             full = depths_mm(source, assignments, asked.subjects)

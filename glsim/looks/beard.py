@@ -52,9 +52,8 @@ class BeardGrid:
 
     Args:
         points: (N, 3) mm, the grid's points on the reference head.
-        inside: (N,) mm, distance inside the outline of a full beard; negative outside.
-        lip: (N,) mm, distance inside the outline of the moustache; negative outside.
-        chin: (N,) mm, distance inside the outline of the chin's hair; negative outside.
+        inside, lip, chin: (N,) mm, distances inside the outlines of a full beard, a moustache and
+            the chin's hair; negative outside.
     """
 
     grid: SkinGrid
@@ -70,8 +69,7 @@ def make_beard_grid(anatomy: Anatomy) -> BeardGrid:
     skin = anatomy.outside & ~anatomy.body & ~anatomy.is_in("ear", "lips", "lids")
     inside = _outline(anatomy, points)[0]
     chosen: Mask = skin[anatomy.faces].all(axis=1) & np.any(inside[anatomy.faces] > -6.0, axis=1)
-    grid = make_grid(anatomy.faces, chosen, points, _EDGE_MM)
-    grid = thinned(grid, grid.anchors.place(anatomy.vertices_mm[grid.base]), _EDGE_MM)
+    grid = thinned(anatomy.faces, chosen, anatomy.vertices_mm, _EDGE_MM)
     on_grid = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
     return BeardGrid(grid, on_grid, *_outline(anatomy, on_grid))
 

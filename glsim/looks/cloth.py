@@ -19,14 +19,12 @@ from glsim.core.seeds import keyed_rng
 from glsim.looks.binding import Shell
 from glsim.looks.cloth_body import ARMS, FEET, LEGS, TRUNK, ClothBody
 from glsim.looks.garments import Garment
-from glsim.looks.noise import smooth_noise
+from glsim.looks.noise import smooth_noise, smooth_step
 from glsim.looks.seams import sewn
 
-#: Share of a garment's triangles that is drawn. Chosen: removing the others changes the clean depth
-#: in a crop of the head by 0.05 mm on average (docs/results/speed.md).
-_DRAWN_SHARE = 0.35
-#: The same share for whole people, whose grid is coarser. Chosen by eye: below it facets show.
-_DRAWN_OF_PEOPLE = 0.5
+#: Share of a garment's triangles that is drawn. Chosen by eye: below it facets show
+#: (docs/results/speed.md has what it changes).
+_DRAWN_SHARE = 0.4
 #: Gap between skin and resting cloth, mm, without half the cloth's thickness. Chosen.
 _REST_MM: Final = 1.5
 #: Rounds of smoothing: of what moves the skin, of the cloth, of the heights of creases. Chosen.
@@ -35,8 +33,8 @@ _MOVED, _ROUNDS, _HEAPED = 3, 8, 10
 #: and largest distance of cloth that spans, mm. Chosen.
 _SLICE_MM, _TURNS, _SPAN_MM = 25.0, 48, 80.0
 #: Narrowing of cloth that falls, mm per mm, at hang 0 (a tenth at 1); height above the crotch of
-#: the widest place of a seat, mm. Chosen.
-_NARROWER, _SEAT_MM = 0.4, 210.0
+#: the widest place of a seat, mm; length of the toes that shoes leave out, mm. Chosen.
+_NARROWER, _SEAT_MM, _TOES_MM = 0.4, 210.0, 25.0
 #: Distance between fine folds, mm (lib/folds.glsl). Heights of folds and creases, relative to the
 #: garment's: chosen so that residuals of depth correlate as on the cloth of 17 people before a
 #: Kinect V2, by 0.44 at two pixels along y. A person's factor; how far folds wind, mm: chosen.
@@ -76,27 +74,21 @@ def make_clothes(
         (top_mm - y, legs, lower, LEGS, body.crotch_mm, seed + 40),
         (far, np.where(on_foot, 1.0, -1.0), shoes, FEET, 0.0, seed + 60),
     ]
-    shells, share = [], _DRAWN_OF_PEOPLE if on_leg.any() else _DRAWN_SHARE
+    shells = []
     for top, inside, garment, limbs, end_mm, number in pieces if on_leg.any() else pieces[:1]:
         piece = body.cut(top, inside)
         if len(piece.grid.faces) >= 20:
-            shells.append(_garment(piece, garment, limbs, end_mm, number, scale, share))
+            shells.append(_garment(piece, garment, limbs, end_mm, number, scale))
     return shells
 
 
 def _garment(
-    piece: ClothBody,
-    garment: Garment,
-    limbs: tuple[int, int],
-    hem_mm: float,
-    seed: int,
-    scale: float,
-    share: float,
-) -> tuple[Shell, Floats]:
+    piece: ClothBody, garment: Garment, limbs: tuple[int, int], hem_mm: float,
+    seed: int, scale: float,
+) -> tuple[Shell, Floats]:  # fmt: skip
     """Make a garment on the skin ``piece`` with sleeves or legs on ``limbs`` and a hem at height y.
 
-    ``scale``: size relative to a mean adult. ``share``: share of the triangles that is drawn.
-    Returns the cloth and its folds, as in ``Mesh``.
+    ``scale``: size relative to a mean adult. Returns the cloth and its folds, as in ``Mesh``.
     """
     on_limb = np.isin(piece.part, limbs)
     piece = replace(piece, part=piece.part * on_limb)
@@ -104,18 +96,19 @@ def _garment(
     # The level is 0 at the top of the garment, 1 at its hem or cuffs.
     level = np.where(on_limb, piece.share / min(garment.limb, 1.0), down / max(hem, 100.0))
     held = on_limb & (limbs == ARMS and garment.limb > 0.5) | garment.gathered
-    end = held * _step(level, 0.9, 0.98)  # ribs at the end
-    lies = ~on_limb * _step(piece.normal[:, 1], 0.35, 0.85)  # on the shoulders
-    loose = (1 - lies) * (1 - end) * _step(piece.opening, 0.0, 90.0)
+    end = held * smooth_step(level, 0.9, 0.98)  # ribs at the end
+    lies = ~on_limb * smooth_step(piece.normal[:, 1], 0.35, 0.85)  # on the shoulders
+    loose = (1 - lies) * (1 - end) * smooth_step(piece.opening, 0.0, 90.0)
     if limbs == LEGS:
-        loose *= np.where(on_limb, _step(down, 0.0, 200.0), 1.0)  # trousers lie on a seat
+        loose *= np.where(on_limb, smooth_step(down, 0.0, 200.0), 1.0)  # trousers lie on a seat
     if limbs == FEET:
-        loose *= 1 - _step(y - y.min(), 45.0, 80.0)  # shoes end at the ankle
-    trunk = garment.ease * _step(level, 0.0, 0.3) + garment.flare * np.clip(level, 0, 1.1)
+        loose *= 1 - smooth_step(y - y.min(), 45.0, 80.0)  # shoes end at the ankle
+        lies = loose  # their ease is in the hull
+    trunk = garment.ease * smooth_step(level, 0.0, 0.3) + garment.flare * np.clip(level, 0, 1.1)
     limb = garment.limb_ease + garment.limb_flare * np.clip(level, 0, 1.1)
     room = (1 - lies) * np.where(on_limb, limb, trunk) * (1 - 0.85 * end) * scale
     edges, rest = _edges(piece), _REST_MM + 0.5 * garment.thick
-    moved = np.column_stack([loose[:, None] * _spanned(piece, garment.hang), room + rest])
+    moved = np.column_stack([loose[:, None] * _spanned(piece, garment), room + rest])
     moved = _smoothed(edges, moved, _MOVED)
     hull = piece.skin + moved[:, :3]
     surface = hull + moved[:, 3:] * vertex_normals(hull, piece.grid.faces)
@@ -129,15 +122,17 @@ def _garment(
         front = np.exp(-((piece.local[:, 0] / (14 * scale)) ** 4))
         surface[:, 2] += garment.placket * front * ((piece.local[:, 2] > 0) & ~on_limb)
     points, faces, bases, drop = sewn(piece, garment, surface, scale)
-    points, drawn, nearest = reduced(points, faces, share)
+    points, drawn, nearest = reduced(points, faces, _DRAWN_SHARE)
     drop, base = drop[nearest].astype(np.float32), bases[nearest]
     anchors = piece.grid.anchors.taken(base)
     offset = points - drop - anchors.place(piece.rest_mm[piece.grid.base])
     grid = piece.grid._replace(anchors=anchors, faces=drawn.astype(np.int64))
     elbow_and_cuff = _bump(piece.share, 0.5, 0.13) + _bump(level, 0.94, 0.09)
-    heap = np.where(on_limb, elbow_and_cuff, 0.7 * _bump(level, 0.72, 0.22))  # and waist
+    waist = 0.7 * _bump(level, 0.72, 0.22) * (limbs == ARMS)
+    heap = np.where(on_limb, elbow_and_cuff, waist)
     heap = _smoothed(edges, heap[:, None], _HEAPED)[:, 0]
-    height = garment.fold * scale * _step(piece.rim, 0.0, 40.0) * (1 - 0.7 * lies)
+    calm = np.maximum(lies, ~on_limb * (limbs == LEGS))  # trousers lie on the hips
+    height = garment.fold * scale * smooth_step(piece.rim, 0.0, 40.0) * (1 - 0.7 * calm)
     heights = height * np.stack([_HANGING * (1 - end), _PILED * heap])
     return Shell(grid, piece.rest_mm, offset, drop), _folds(points, heights.T[base], seed)
 
@@ -175,12 +170,12 @@ def _smoothed(edges: tuple[Whole, Whole, Reals], values: Reals, rounds: int) -> 
     return np.asarray(rows.T, np.float64)
 
 
-def _spanned(piece: ClothBody, hang: float) -> Reals:
+def _spanned(piece: ClothBody, garment: Garment) -> Reals:
     """Compute the ways, (N, 3) mm, from the skin out to where cloth spans its hollows.
 
     Cloth under tension goes straight from bulge to bulge: a slice of trunk, limb or foot becomes
-    its convex hull. From the armpits and down the legs it falls, the straighter the more ``hang``,
-    0 to 1, but it lies on a seat.
+    its convex hull. From the armpits and down the legs it falls, the straighter the more it
+    hangs, but it lies on a seat.
     """
     moved = np.zeros_like(piece.skin)
     turn = np.linspace(0, 2 * np.pi, _TURNS, endpoint=False)
@@ -191,33 +186,30 @@ def _spanned(piece: ClothBody, hang: float) -> Reals:
         chosen = np.flatnonzero(piece.part == number)
         local = piece.local[chosen]
         flat, along = local[:, [0, 2]], local[:, 1]
-        slice_mm = 0.4 * _SLICE_MM if number in FEET else _SLICE_MM
-        place = (along - along.min()) / slice_mm
+        if number in FEET:  # a shoe has one end, not five
+            along = np.minimum(along, along.max() - _TOES_MM)
+        place = (along - along.min()) / _SLICE_MM
         row, part = place.astype(np.int64), (place % 1.0)[:, None]
         support = np.full((row.max() + 2, _TURNS), -np.inf)
         for rows in (row, row + 1):
             np.maximum.at(support, rows, product(flat, ways))
         for k in range(1, len(support)):
-            down = along.min() + k * slice_mm
+            down = along.min() + k * _SLICE_MM
             falls = number not in (TRUNK, *ARMS) or armpit < down < seat
-            narrower = _NARROWER * (1 - 0.9 * hang) * slice_mm if falls else np.inf
+            narrower = _NARROWER * (1 - 0.9 * garment.hang) * _SLICE_MM if falls else np.inf
             support[k] = np.maximum(support[k], support[k - 1] - narrower)
         around = (1 - part) * support[row] + part * support[row + 1]
         centre = product(around, ways.T) * (2 / _TURNS)  # the hull's Steiner point
         flat = flat - centre
         radius = np.maximum(np.linalg.norm(flat, axis=1), 1e-3)[:, None]
         cosine = np.maximum(product(flat / radius, ways), 0.1)
+        around += garment.ease * (number in FEET)
         reach = ((around - product(centre, ways)) / cosine).min(axis=1)[:, None]
-        out = flat * np.clip(reach / radius - 1, 0.0, _SPAN_MM / radius)
-        moved[chosen] = product(out, piece.axes[number][:, [0, 2]].T)
+        x, z = (flat * np.clip(reach / radius - 1, 0.0, _SPAN_MM / radius)).T
+        out = np.column_stack([x, along - local[:, 1], z])
+        moved[chosen] = product(out, piece.axes[number].T)
     return moved
 
 
 def _bump(value: Reals, middle: float, width: float) -> Reals:
     return np.asarray(np.exp(-(((value - middle) / width) ** 2)))
-
-
-def _step(value: Reals, low: float, high: float) -> Reals:
-    """Interpolate smoothly from 0 at ``low`` to 1 at ``high`` (smoothstep)."""
-    share = np.clip((value - low) / (high - low), 0, 1)
-    return np.asarray(share * share * (3 - 2 * share))

@@ -14,8 +14,8 @@ from glsim.looks.anatomy import Anatomy
 from glsim.looks.binding import Points
 from glsim.looks.skin_grid import SkinGrid, make_grid, point_normals
 
-#: Longest edge of the grid, mm, for heads and for whole people: folds are at least 40 mm apart.
-_EDGE_MM: Final = {"head": 16.0, "body": 18.0}
+#: Longest edge of the grid, mm; folds are drawn between its points.
+_EDGE_MM: Final = 17.0
 #: Slope of the plane of the neck opening, which is higher at the back. The value was chosen.
 _SLOPE: Final = 0.42
 #: Unit vector up along the neck, normal to the plane of the neck opening.
@@ -55,14 +55,13 @@ class ClothBody:
         part: (N,) number of the body part.
         skin: (N, 3) mm, points of the grid.
         normal: (N, 3) unit normals.
-        opening: (N,) mm, distance below the garment's top edge; for a whole body below the base of
-            the neck.
-        rim: (N,) mm, distance from the garment's nearest edge; for a whole body as ``opening``.
-        starts, axes, lengths: for each part the root of its axis, (3,) mm; as columns of (3, 3) the
-            unit vectors across, down along it, forward; and its length, mm.
+        opening, rim: (N,) mm, distances below the garment's top edge and from its nearest edge; for
+            a whole body below the base of the neck.
+        starts, axes, lengths: for each part the root of its axis, (3,) mm; the unit vectors across,
+            down along it and forward (a foot: along, up), columns of (3, 3); its length, mm.
         neck: (3,) mm, centre of the base of the neck.
-        crotch_mm: height y of the crotch; for a head without a body a mean adult's.
-        armpits: (2, 3) mm, left and right; for a head without a body a mean adult's.
+        crotch_mm, armpits: height y of the crotch; left and right armpit, (2, 3) mm. For a head
+            without a body those of a mean adult.
     """
 
     grid: SkinGrid
@@ -125,7 +124,7 @@ def make_cloth_grid(anatomy: Anatomy) -> ClothGrid | None:
     chosen &= low[anatomy.faces].all(axis=1) | behind[anatomy.faces].all(axis=1)
     if chosen.sum() < 50:
         return None
-    grid = make_grid(anatomy.faces, chosen, points, _EDGE_MM["body" if has_body else "head"])
+    grid = make_grid(anatomy.faces, chosen, points, _EDGE_MM)
     on_grid = grid.anchors.place(anatomy.vertices_mm[grid.base]).astype(np.float64)
     row = np.arange(len(on_grid))
     nearest = grid.base[grid.anchors.corners[row, grid.anchors.weights.argmax(axis=1)]]
@@ -149,7 +148,7 @@ def fit_cloth(cloth: ClothGrid, vertices_mm: Points) -> ClothBody:
     lengths = np.full(7, float(neck[1]) - crotch)
     for number in np.unique(part):
         part_skin = skin[part == number]
-        axis = np.array([0.0, -1.0, 0.0])
+        axis, ahead = np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, 1.0])
         if number in (*ARMS, *LEGS):
             middle, axis = part_skin.mean(axis=0), principal_axis(part_skin)
             axis = axis if product(middle - neck, axis) > 0 else -axis
@@ -159,8 +158,8 @@ def fit_cloth(cloth: ClothGrid, vertices_mm: Points) -> ClothBody:
                 root = part_skin[along - along.min() < 0.12 * np.ptp(along)]
                 armpits[number - ARMS[0]] = root[root[:, 1].argmin()]
         elif number in FEET:
-            starts[number] = part_skin.mean(axis=0)
-        side = np.cross(axis, [0.0, 0.0, 1.0]) / norm(np.cross(axis, [0.0, 0.0, 1.0]))
+            starts[number], axis, ahead = part_skin.mean(axis=0), ahead, -axis
+        side = np.cross(axis, ahead) / norm(np.cross(axis, ahead))
         axes[number] = np.stack([side, axis, np.cross(side, axis)], axis=1)
     normal, below = point_normals(cloth.grid, base.astype(np.float64)), -cloth.above_neck
     return ClothBody(

@@ -6,7 +6,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Final, TypeVar, cast
+from typing import Any, Final, TypeVar, cast
 
 import numpy as np
 
@@ -57,11 +57,7 @@ class _Worn:
 
     region: str
     binding: Binding
-    faces: Triangles
-    albedo: Floats
-    strands: Floats | None = None
-    occluder: Triangles | None = None
-    folds: Floats | None = None
+    mesh: Mesh
     last: tuple[Points, Motion, WornPart] | None = None
 
     def place(self, vertices_mm: Points, motion: Motion) -> WornPart:
@@ -71,11 +67,7 @@ class _Worn:
             before, moved, worn = self.last
             if np.array_equal(skin, before) and moved.equals(motion):
                 return worn
-        points = self.binding.place(vertices_mm, motion)
-        mesh = Mesh(
-            points, self.faces, self.albedo, self.occluder,
-            self.region == "hair", self.strands, self.folds,
-        )  # fmt: skip
+        mesh = replace(self.mesh, vertices_mm=self.binding.place(vertices_mm, motion))
         self.last = skin, motion, WornPart(mesh, self.region)
         return self.last[2]
 
@@ -180,40 +172,38 @@ class Dresser:
 
         def wear(
             region: str, binding: Binding, faces: Triangles, albedo: float,
-            pattern: Pattern = "plain", light: float | Array = 1.0, strands: Floats | None = None,
-            occluder: Triangles | None = None, folds: Floats | None = None,
+            pattern: Pattern = "plain", light: float | Array = 1.0, **more: Any,
         ) -> None:  # fmt: skip
             if len(faces):
                 points = binding.place(vertices, rest)
-                if region == "cloth":
-                    occluder = occluder_of(points, faces)
                 factors = pattern_factors(pattern, points, outfit.seed + len(worn))
                 values = np.clip(albedo * light * factors, 0.0, 1.0).astype(np.float32)
-                worn.append(_Worn(region, binding, faces, values, strands, occluder, folds))
+                worn.append(_Worn(region, binding, Mesh(points, faces, values, **more)))
 
         for region, hair in self._hair(anatomy, vertices, outfit):
             wear(
-                region, hair.binding, hair.faces, outfit.hair_albedo,
-                light=hair.light, strands=hair.strands, occluder=hair.occluder,
+                region, hair.binding, hair.faces, outfit.hair_albedo, light=hair.light,
+                strands=hair.strands, occluder=hair.occluder, two_sided=region == "hair",
             )  # fmt: skip
         if outfit.glasses is not None:
             points, faces, is_lens = make_glasses(
                 anatomy, vertices, outfit.glasses, outfit.lens, outfit.seed
             )
             wear("glasses", Rigid(points), faces, outfit.rim_albedo)
-            worn[-1].albedo[is_lens] = outfit.lens_albedo
+            albedo = cast("Floats", worn[-1].mesh.albedo)
+            albedo[is_lens] = outfit.lens_albedo
             if self._settings.gloss:
                 shine = np.where(is_lens, WORN_GLOSS["lens"], WORN_GLOSS["frame"])
-                worn[-1].albedo += shine.astype(np.float32)
+                albedo += shine.astype(np.float32)
         cloth = self._grid(make_cloth_grid) if outfit.garments else None
         if cloth is not None:
             body = fit_cloth(cloth, vertices)
             made = make_clothes(body, outfit.garments, outfit.tucked, anatomy.scale, outfit.seed)
             patterns: tuple[Pattern, ...] = (outfit.pattern, "plain", "plain")
-            for (shell, folds), albedo, pattern in zip(
-                made, outfit.cloth_albedos, patterns, strict=False
-            ):
-                wear("cloth", shell, shell.faces, albedo, pattern, folds=folds)
+            for garment, bright, pattern in zip(made, outfit.cloth_albedos, patterns, strict=False):
+                shell, folds = garment
+                shadow = occluder_of(shell.place(vertices, rest), shell.faces)
+                wear("cloth", shell, shell.faces, bright, pattern, folds=folds, occluder=shadow)
                 shells.append(shell)
         faces, occluder = anatomy.faces, face.mesh.occluder
         if shells:

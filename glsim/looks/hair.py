@@ -12,8 +12,8 @@ from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.binding import Hair, Rooted
 from glsim.looks.locks import LOST_MM, Head, Obstacle, Sheet, combed, hanging, strands_of, tied
-from glsim.looks.noise import smooth_noise
-from glsim.looks.skin_grid import Anchors, make_grid, thinned
+from glsim.looks.noise import smooth_noise, smooth_step
+from glsim.looks.skin_grid import Anchors, thinned
 from glsim.looks.styles import CROWN, HALO_MM, HairStyle
 
 #: Mean edge of the scalp's triangles, mm. Chosen: locks are 5 to 15 mm wide; strands are finer.
@@ -59,9 +59,7 @@ def make_scalp(anatomy: Anatomy) -> Scalp:
     near = anatomy.above_hairline_mm(anatomy.vertices_mm) > -_MARGIN_MM
     skin = anatomy.outside & ~anatomy.is_in("ear") & ~anatomy.body & near
     chosen = np.asarray(skin[anatomy.faces].all(axis=1))
-    grid = make_grid(anatomy.faces, chosen, anatomy.vertices_mm, _EDGE_MM)
-    every = grid.anchors.place(anatomy.vertices_mm[grid.base])
-    grid = thinned(grid, every, _EDGE_MM)
+    grid = thinned(anatomy.faces, chosen, anatomy.vertices_mm, _EDGE_MM)
     anchors = Anchors(grid.base[grid.anchors.corners], grid.anchors.weights)
     points = anchors.place(anatomy.vertices_mm)
     out = points - anatomy.centre
@@ -188,8 +186,7 @@ def _thickness_mm(
     anatomy: Anatomy, scalp: Scalp, style: HairStyle, base: Reals, inside: Reals, seed: int
 ) -> Reals:
     """Compute the thickness of the hair, (N,) mm, without relief of strands; thin at the edge."""
-    to_top = np.clip((scalp.directions[:, 1].astype(np.float64) - 0.1) / 0.6, 0, 1)
-    to_top *= to_top * (3 - 2 * to_top)
+    to_top = smooth_step(scalp.directions[:, 1].astype(np.float64), 0.1, 0.7)
     low = style.side + (style.back - style.side) * np.clip(-scalp.directions[:, 2], 0, 1)
     full = low + (style.top - low) * to_top
     if style.comb == "back" and not style.extra:  # a quiff is highest over the forehead

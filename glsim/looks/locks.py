@@ -6,10 +6,11 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from glsim.core.array_types import Floats, Reals, Whole
+from glsim.core.array_types import Floats, Reals, Triangles, Whole
 from glsim.core.products import norm, product
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.noise import smooth_noise
+from glsim.looks.skin_grid import grid_triangles
 from glsim.looks.styles import CROWN, HALO_MM, HairStyle
 
 #: Number of directions in which the radius of a head is measured, evenly spread (a golden spiral),
@@ -52,7 +53,7 @@ class Sheet(NamedTuple):
 
     roots: Whole
     points_mm: Reals
-    faces: Whole
+    faces: Whole | Triangles
     strands: Reals
     light: Reals
 
@@ -190,7 +191,7 @@ def hanging(head: Head) -> list[Sheet]:
     rim = np.minimum(np.arange(_COLUMNS), np.arange(_COLUMNS)[::-1])
     dense = style.density * np.clip(left / (0.35 * fall), 0, 1)
     dense = dense * np.tile(np.clip((rim + 1) / 4, 0, 1), rows)
-    faces = _grid(rows, _COLUMNS)
+    faces = grid_triangles(rows, _COLUMNS)
     sheets = []
     for deep, cover in _HANGING:
         raised = sheet + (height.reshape(rows, -1, 1) - deep) * (around + np.array([0.0, 0.1, 0.0]))
@@ -199,14 +200,6 @@ def hanging(head: Head) -> list[Sheet]:
         light = np.full(len(where), np.exp(-max(deep, 0.0) / LOST_MM))
         sheets.append(Sheet(np.tile(root, rows), raised.reshape(-1, 3), faces, strands, light))
     return sheets
-
-
-def _grid(rows: int, columns: int) -> Whole:
-    """Return the triangles, (F, 3), of a grid of vertices."""
-    index = np.arange(rows * columns).reshape(rows, columns)
-    corners = index[:-1, :-1], index[:-1, 1:], index[1:, 1:], index[1:, :-1]
-    p, q, r, s = (corner.ravel() for corner in corners)
-    return np.concatenate([np.stack([p, r, q], 1), np.stack([p, s, r], 1)])
 
 
 def _smoothed(sheet: Reals) -> Reals:
@@ -250,7 +243,7 @@ def _ribbons(head: Head, lines: Reals, width: Reals, root: int) -> Sheet:
     cover = np.broadcast_to(dense * (1 - np.abs(side)), (rings, count, 3)).ravel()
     # Locks shade each other: a third of a bundle's thickness, chosen.
     strands = strands_of(head.style, where, cover, np.full(len(where), 9.0), head.seed)
-    faces = np.concatenate([_grid(rings, 3) + 3 * rings * k for k in range(count)])
+    faces = np.concatenate([grid_triangles(rings, 3) + 3 * rings * k for k in range(count)])
     order = np.arange(rings * count * 3).reshape(rings, count, 3).transpose(1, 0, 2).ravel()
     roots = np.full(len(where), root)
     return Sheet(roots, points.reshape(-1, 3)[order], faces, strands[order], np.ones(len(where)))

@@ -55,6 +55,12 @@ def _mixed(bits: NDArray[np.uint32]) -> Floats:
     return bits.astype(np.float32) * np.float32(2.0 / 0xFFFFFFFF) - np.float32(1.0)
 
 
+def smooth_step(value: Reals, low: float, high: float) -> Reals:
+    """Interpolate smoothly from 0 at ``low`` to 1 at ``high`` (smoothstep)."""
+    share = np.clip((value - low) / (high - low), 0, 1)
+    return np.asarray(share * share * (3 - 2 * share))
+
+
 def pattern_factors(pattern: Pattern, points: Reals, seed: int) -> Reals:
     """Compute the reflectivity of patterned cloth, (N,) factors that are about 1 on average.
 

@@ -29,12 +29,9 @@ def sewn(
     faces = piece.grid.faces
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     count = len(surface)
-    first, second = np.ascontiguousarray(sides.T)
-    # Directed edges cancel around an inner point; the other edges belong to the border.
-    net = np.bincount(first, second, count) - np.bincount(second, first, count)
-    rim = sides[(net != 0)[sides].all(axis=1)]
-    forth, back = rim[:, 0] * count + rim[:, 1], rim[:, 1] * count + rim[:, 0]
-    ends = rim[~np.isin(forth, back)]
+    # Edges that only one triangle has belong to the border.
+    forth, back = sides[:, 0] * count + sides[:, 1], sides[:, 1] * count + sides[:, 0]
+    ends = sides[~np.isin(forth, back)]
     edge, number = np.unique(ends, return_inverse=True)
     first, second = number.reshape(-1, 2).T
     ways = 2.0 + np.bincount(number.ravel(), minlength=len(edge))[:, None]

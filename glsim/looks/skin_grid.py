@@ -100,6 +100,13 @@ class SkinGrid(NamedTuple):
         return left, Blend(first[used], second[used], share[used])
 
 
+def grid_triangles(rows: int, columns: int) -> Triangles:
+    """Return the triangles of a grid of vertices; their normals are row axis x column axis."""
+    index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
+    return np.concatenate([np.stack([a, c, d], -1), np.stack([a, d, b], -1)]).reshape(-1, 3)
+
+
 def make_grid(faces: Triangles, chosen: Mask, points: Reals, edge_mm: float) -> SkinGrid:
     """Make a grid of the chosen triangles, (T,) mask, of a reference head with vertices (V, 3) mm.
 
@@ -128,18 +135,19 @@ def make_grid(faces: Triangles, chosen: Mask, points: Reals, edge_mm: float) -> 
         anchors, places = _blended_anchors(anchors, blend), blend.of(places)
 
 
-def thinned(grid: SkinGrid, points: Reals, edge_mm: float) -> SkinGrid:
-    """Return a grid of some of a grid's points, (N, 3) mm, with a mean edge of ``edge_mm``."""
+def thinned(faces: Triangles, chosen: Mask, points_mm: Floats, edge_mm: float) -> SkinGrid:
+    """Make a grid, as ``make_grid`` does, and reduce it to a mean edge of ``edge_mm``."""
+    grid = make_grid(faces, chosen, points_mm, edge_mm)
+    points = grid.anchors.place(points_mm[grid.base])
     a, b, c = (points[grid.faces[:, k]].astype(np.float64) for k in range(3))
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
     share = float(area) / (_EQUILATERAL * edge_mm**2 * len(grid.faces))
     if share >= 1:
         return grid
     _, left, nearest = reduced(points, grid.faces, share)
-    kept, faces = np.unique(nearest[left], return_inverse=True)
-    return grid._replace(
-        anchors=grid.anchors.taken(kept.astype(np.int64)), faces=faces.reshape(-1, 3)
-    )
+    kept, inverse = np.unique(nearest[left], return_inverse=True)
+    anchors = grid.anchors.taken(kept.astype(np.int64))
+    return grid._replace(anchors=anchors, faces=inverse.reshape(-1, 3))
 
 
 def _split(faces: Whole, middle: Whole) -> Whole:

@@ -96,7 +96,7 @@ def test_a_shirt_rests_on_the_shoulders_and_hangs_below() -> None:
 def test_cloth_lies_outside_of_the_skin_spans_hollows_and_folds(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(cloth, "_DRAWN_OF_PEOPLE", 1.0)
+    monkeypatch.setattr(cloth, "_DRAWN_SHARE", 1.0)
     own, sweater = fitted(), named("sweater")
     points = points_of(clothes(sweater)[0])
     level = own.waist_mm + 60

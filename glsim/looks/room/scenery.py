@@ -177,18 +177,12 @@ def _room_scenery(
     tilt = camera_tilt_deg(face, eye_mm - wanted)
     camera = camera_place(face, eye_mm, tilt)
     numbers = RoomNumbers(
-        kind=settings.room,
-        seed=key,
-        behind_mm=sample("behind_mm"),
-        width_mm=sample("width_mm"),
+        kind=settings.room, seed=key, seat_mm=seat_mm, people=round(sample("people")),
+        behind_mm=sample("behind_mm"), width_mm=sample("width_mm"), turn_deg=sample("turn_deg"),
         height_mm=max(sample("height_mm"), float(camera[1]) + 200.0, eye_mm + 250.0),
-        turn_deg=sample("turn_deg"),
-        clutter=sample("clutter"),
-        people=round(sample("people")),
-        seat_mm=seat_mm,
-        camera_mm=(float(camera[0]), float(camera[2])),
+        clutter=sample("clutter"), camera_mm=(float(camera[0]), float(camera[2])),
         reach_mm=(reach[0][0], reach[0][1], max(0.0, reach[2][1])),
-    )
+    )  # fmt: skip
     props, places = _visible_room(numbers, tuple(camera), tilt, rig, sample("albedo"))
     sampled = {
         f"scene.{name}": float(getattr(numbers, name))
@@ -201,12 +195,9 @@ def _room_scenery(
 
 @lru_cache(maxsize=_KEPT_ROOMS)
 def _visible_room(
-    numbers: RoomNumbers,
-    camera_mm: tuple[float, ...],
-    tilt_deg: float,
-    rig: SensorRig,
+    numbers: RoomNumbers, camera_mm: tuple[float, ...], tilt_deg: float, rig: SensorRig,
     albedo: float,
-) -> tuple[tuple[Prop, ...], tuple[Floats, ...]]:
+) -> tuple[tuple[Prop, ...], tuple[Floats, ...]]:  # fmt: skip
     """Build a room, cut it to the view; return its meshes and the positions of other people."""
     room, people = build_room(numbers)
     view = room_view(np.asarray(camera_mm), tilt_deg)

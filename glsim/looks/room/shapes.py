@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 
 from glsim.core.array_types import Array, Triangles
 from glsim.core.products import norm, product
+from glsim.looks.skin_grid import grid_triangles
 
 Points = Array
 
@@ -79,15 +80,9 @@ def mirrored(shape: Shape, axis: int) -> Shape:
 
 
 def box(
-    size_mm: ArrayLike,
-    at_mm: ArrayLike = (0.0, 0.0, 0.0),
-    albedo: float = 0.8,
-    *,
-    edge_mm: float = 0.0,
-    cells: int = 3,
-    plump_mm: float = 0.0,
-    region: str = "furniture",
-) -> Shape:
+    size_mm: ArrayLike, at_mm: ArrayLike = (0.0, 0.0, 0.0), albedo: float = 0.8, *,
+    edge_mm: float = 0.0, cells: int = 3, plump_mm: float = 0.0, region: str = "furniture",
+) -> Shape:  # fmt: skip
     """Make a box with rounded edges.
 
     Args:
@@ -124,16 +119,9 @@ def _cube(cells: int) -> tuple[Points, Triangles]:
         for axis in range(3)
         for sign in (1.0, -1.0)
     ]
-    faces = np.concatenate([_grid(cells + 1, cells + 1) + n * len(u) for n in range(6)])
+    faces = np.concatenate([grid_triangles(cells + 1, cells + 1) + n * len(u) for n in range(6)])
     unique, index = np.unique(np.round(np.concatenate(sides), 9), axis=0, return_inverse=True)
     return unique, index.reshape(-1)[faces].astype(np.int32)
-
-
-def _grid(rows: int, columns: int) -> Triangles:
-    """Return the triangles of a grid of vertices; their normals are row axis x column axis."""
-    index = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
-    a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
-    return np.concatenate([np.stack([a, c, d], -1), np.stack([a, d, b], -1)]).reshape(-1, 3)
 
 
 def turned_body(profile_mm: ArrayLike, albedo: float = 0.8, *, segments: int = 12) -> Shape:
@@ -151,7 +139,7 @@ def _turned_faces(radius: tuple[float, ...], segments: int) -> Triangles:
     index = np.arange(len(radius) * segments, dtype=np.int32).reshape(len(radius), segments)
     index[np.array(radius) == 0] = index[np.array(radius) == 0, :1]
     ring = np.concatenate([index, index[:, :1]], axis=1).ravel()
-    return without_slivers(ring[_grid(len(radius), segments + 1)[:, ::-1]])
+    return without_slivers(ring[grid_triangles(len(radius), segments + 1)[:, ::-1]])
 
 
 def without_slivers(faces: Triangles) -> Triangles:
@@ -161,14 +149,9 @@ def without_slivers(faces: Triangles) -> Triangles:
 
 
 def rod(
-    start_mm: ArrayLike,
-    end_mm: ArrayLike,
-    radius_mm: float,
-    albedo: float = 0.8,
-    *,
-    end_radius_mm: float | None = None,
-    sides: int = 8,
-) -> Shape:
+    start_mm: ArrayLike, end_mm: ArrayLike, radius_mm: float, albedo: float = 0.8, *,
+    end_radius_mm: float | None = None, sides: int = 8,
+) -> Shape:  # fmt: skip
     """Make a closed rod between two points, of the same radius unless ``end_radius_mm`` differs."""
     start, end = np.asarray(start_mm, np.float64), np.asarray(end_mm, np.float64)
     length = norm(end - start)
@@ -185,7 +168,7 @@ def rod(
 
 def sheet(points_mm: Points, albedo: float = 0.8) -> Shape:
     """Make a sheet with a front and a back through points (rows, columns, 3), mm."""
-    front = _grid(*points_mm.shape[:2])
+    front = grid_triangles(*points_mm.shape[:2])
     return Shape(points_mm.reshape(-1, 3), np.concatenate([front, front[:, ::-1]]), albedo)
 
 

@@ -108,8 +108,9 @@ def visible_part(mesh: Mesh, view: Floats, rig: SensorRig) -> Mesh | None:
     used, index = np.unique(mesh.faces[keep], return_inverse=True)
     albedo = None if mesh.albedo is None else mesh.albedo[used]
     strands = None if mesh.strands is None else mesh.strands[used]
+    folds = None if mesh.folds is None else mesh.folds[used]
     faces = index.reshape(-1, 3).astype(np.int32)
-    return Mesh(mesh.vertices_mm[used], faces, albedo, strands=strands)
+    return Mesh(mesh.vertices_mm[used], faces, albedo, strands=strands, folds=folds)
 
 
 def _towards(triangles: Points, rig: SensorRig) -> Mask:
