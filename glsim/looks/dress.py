@@ -183,7 +183,7 @@ class Dresser:
         for region, hair in self._hair(anatomy, vertices, outfit):
             wear(
                 region, hair.binding, hair.faces, outfit.hair_albedo, light=hair.light,
-                strands=hair.strands, occluder=hair.occluder, two_sided=region == "hair",
+                strands=hair.strands, occluder=hair.occluder,
             )  # fmt: skip
         if outfit.glasses is not None:
             points, faces, is_lens = make_glasses(

@@ -82,6 +82,8 @@ def make_hair(anatomy: Anatomy, scalp: Scalp, skin_mm: Floats, style: HairStyle,
     offsets = np.concatenate([s.points_mm - base[s.roots] for s in sheets])
     faces = [sheet.faces + start for sheet, start in zip(sheets, starts, strict=False)]
     shading = [f for f, sheet in zip(faces, sheets, strict=True) if sheet.strands[0, 4] >= 0]
+    # Beyond the horizon of a head the backs of its far sheets are seen; they cast no shadow here.
+    faces += [f[:, ::-1] for f in shading]
     return Hair(
         Rooted(scalp.anchors.taken(used), root_of, offsets),
         np.ascontiguousarray(np.concatenate(faces), np.int32),

@@ -5,8 +5,6 @@
 #ifdef STRANDS
 #include "lib/random.glsl"
 
-uniform mat4 u_clip;
-
 in vec4 v_strand;  // cell coordinates: two across the strands, one along them; share of cells with a strand
 in vec3 v_sheet_m; // the place on the sheet
 in float v_sink_m; // the strands of a sheet lie up to this far below it; a halo is minus this far above the hair
@@ -60,8 +58,6 @@ float stray_hair(float over_m, float facing, vec3 q) {
 vec2 strand_seen(float albedo) {
     vec3 across = normalize(cross(dFdx(v_sheet_m), dFdy(v_sheet_m)));
     float facing = abs(dot(across, normalize(v_sheet_m)));
-    // The near half of a halo stands for both. This is early, because drivers skip what follows.
-    if (v_sink_m < 0.0 && !gl_FrontFacing) discard;
     vec3 q = v_strand.xyz;
     // Strands are not straight: they swing by half of their width. Chosen.
     q.xy += 0.5 * sin(2.4 * q.z + 0.7 * q.yx);
@@ -73,8 +69,6 @@ vec2 strand_seen(float albedo) {
     float deep = v_sheet_m.z + v_sink_m * share;
     if (v_sink_m < 0.0) deep = stray_hair(-v_sink_m, facing, q);
     if (deep <= 0.0 || v_sink_m >= 0.0 && uniform01(own) < pow(gaps, 1.0 / max(facing, 0.1))) discard;
-    vec4 clip = u_clip * vec4(0.0, 0.0, deep, 1.0);
-    gl_FragDepth = 0.5 + 0.5 * clip.z / clip.w;
     return vec2(deep, -albedo * exp(-v_sink_m * share / LOST_M));
 }
 #endif
