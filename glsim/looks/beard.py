@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from glsim.core.array_types import Floats, Mask, Reals
+from glsim.core.array_types import Mask, Reals
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.binding import Hair, Shell
 from glsim.looks.noise import smooth_noise
@@ -50,10 +50,8 @@ BrowGrid = tuple[SkinGrid, Reals, Reals]
 class BeardGrid:
     """The grid of the skin on which beards grow, shared by all subjects of a source.
 
-    Args:
-        points: (N, 3) mm, the grid's points on the reference head.
-        inside, lip, chin: (N,) mm, distances inside the outlines of a full beard, a moustache and
-            the chin's hair; negative outside.
+    ``points`` are (N, 3) mm on the reference head. ``inside``, ``lip`` and ``chin`` are distances,
+    (N,) mm, inside the outlines of a full beard, a moustache and the chin's hair; negative outside.
     """
 
     grid: SkinGrid
@@ -122,18 +120,18 @@ def make_beard(
         drop[:, 1] = -style.hang * share * ends * rim**2
         drop[:, 2] = 0.15 * style.hang * share * rim
     dense = np.clip(inside / _SPARSE_MM, 0.1, 1)
-    sheets = []
-    for share, cover in _SHEETS:
-        strands = _strands(points[:, [0, 2, 1]], cover * dense, 0.5 * height, seed)
-        shell = Shell(grid, rest_mm, share * height, share * drop)
-        sheets.append(Hair(shell, shell.faces, None, strands))
-    return sheets
+    return [
+        _sheet(Shell(grid, rest_mm, share * height, share * drop), points[:, [0, 2, 1]],
+               cover * dense, 0.5 * height, seed)
+        for share, cover in _SHEETS
+    ]  # fmt: skip
 
 
-def _strands(places: Reals, cover: Reals, sink: Reals, seed: int) -> Floats:
-    """Return strands, (N, 5) as in ``Mesh``, at places (N, 3) mm: two across them, one along."""
+def _sheet(shell: Shell, places: Reals, cover: Reals, sink: Reals, seed: int) -> Hair:
+    """Make a sheet of strands at places (N, 3) mm: two across them, one along."""
     cells = places / (_STRAND_MM * np.array([1.0, 1.0, 6.0])) + seed % 997
-    return np.column_stack([cells, cover, sink]).astype(np.float32)
+    strands = np.column_stack([cells, cover, sink]).astype(np.float32)
+    return Hair(shell, shell.faces, None, strands)
 
 
 def make_brow_grid(anatomy: Anatomy) -> BrowGrid:
@@ -161,6 +159,5 @@ def make_brows(brows: BrowGrid, rest_mm: Reals, height_mm: float, seed: int) -> 
     grid, blend = grid.clipped(weight - 0.1)
     weight, points = blend.of(weight), blend.of(points)
     height = height_mm * np.clip(weight, 0.15, 1)
-    strands = _strands(points[:, [1, 2, 0]], 0.9 * np.sqrt(weight), 0.6 * height, seed)
-    shell = Shell(grid, rest_mm, height)
-    return Hair(shell, shell.faces, None, strands)
+    shell, cover = Shell(grid, rest_mm, height), 0.9 * np.sqrt(weight)
+    return _sheet(shell, points[:, [1, 2, 0]], cover, 0.6 * height, seed)

@@ -139,13 +139,9 @@ class Shell:
 
 
 class Hair(NamedTuple):
-    """Sheets of hair, bound to the skin.
+    """Sheets of hair, bound to the skin; ``faces``, ``occluder`` and ``strands`` as in ``Mesh``.
 
-    Args:
-        binding: places the vertices.
-        faces, occluder: triangles, as in ``Mesh``.
-        strands: (N, 5), as in ``Mesh``.
-        light: share of the light that reaches the strands, (N,) or one number.
+    ``light``: share of the light that reaches the strands, (N,) or one number.
     """
 
     binding: Binding

@@ -39,13 +39,9 @@ _LEAN_MM = 22.0
 
 
 class Scalp(NamedTuple):
-    """The grid of the scalp of a source, fine enough for the relief of hair.
+    """The grid of a source's scalp: N anchors, their triangles and distances inside the hairline.
 
-    Args:
-        anchors: N points on the triangles of the source.
-        directions: (N, 3) unit vectors from the centre of the skull to the points.
-        faces: (F, 3) triangles of the points.
-        inside_mm: (N,) distance inside the hairline.
+    ``directions``: (N, 3) unit vectors from the centre of the skull to the points.
     """
 
     anchors: Anchors

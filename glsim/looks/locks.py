@@ -41,14 +41,9 @@ _TIES: Final = {
 
 
 class Sheet(NamedTuple):
-    """A sheet of strands.
+    """A sheet of hair of N vertices; ``strands`` are as in ``Mesh``.
 
-    Args:
-        roots: (N,) index of each vertex's root on the scalp.
-        points_mm: (N, 3) vertices.
-        faces: (F, 3) triangles.
-        strands: (N, 5), as in ``Mesh``.
-        light: (N,) share of the light that reaches the sheet.
+    ``roots``: (N,) scalp point of each vertex; ``light``: (N,) share of the light that reaches it.
     """
 
     roots: Whole
@@ -103,15 +98,14 @@ class Obstacle:
 
 
 class Head(NamedTuple):
-    """A subject's head, hair style and scalp points, from which hair grows.
+    """A subject's head, hair style and scalp points ``base`` (N, 3), from which hair grows, mm.
 
     Args:
         obstacle: surface that hair must not enter.
         directions: (N, 3) unit vectors from the centre of the skull to the scalp's points.
-        base: (N, 3) mm, the scalp's points.
-        thickness: (N,) mm, thickness of the hair.
+        thickness: (N,) mm, of the hair.
         ragged: (N,) mm, distance inside the ragged edge of the hair; negative outside.
-        seed: seed of the relief.
+        seed: of the relief.
     """
 
     anatomy: Anatomy

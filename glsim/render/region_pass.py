@@ -60,9 +60,7 @@ class RegionPass:
     ) -> Target:
         """Draw the layer REGION of a window (0 = no region); return its target.
 
-        Args:
-            labels: for each mesh the (V,) region numbers of its vertices; None: all 0.
-            views: for each mesh a (4, 4) matrix, canonical mm to camera m.
+        ``labels``: for each mesh the (V,) region numbers of its vertices; None: all 0.
         """
         whole = Rect(0, 0, self._pinhole.width, self._pinhole.height)
         area = window if self._lens_pass is None else whole

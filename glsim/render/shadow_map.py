@@ -91,7 +91,6 @@ class ShadowMap:
         Args:
             arrays: the meshes that cast shadows, for ``programs``. Without meshes, or without an
                 emitter, all pixels are 1.
-            views: for each mesh a (4, 4) matrix, canonical mm to camera m.
             corners_m: (N, 3) corners of the meshes' bounding boxes, camera frame.
         """
         emitters = self._rig.emitters if arrays else ()
