@@ -103,8 +103,7 @@ class Head(NamedTuple):
     Args:
         obstacle: surface that hair must not enter.
         directions: (N, 3) unit vectors from the centre of the skull to the scalp's points.
-        thickness: (N,) mm, of the hair.
-        ragged: (N,) mm, distance inside the ragged edge of the hair; negative outside.
+        thickness, ragged: (N,) mm, of the hair; and inside its ragged edge, negative outside.
         seed: of the relief.
     """
 

@@ -35,8 +35,7 @@ class Outfit:
     """All choices of a subject's appearance; None or 0 for things that are not worn.
 
     Args:
-        garments, cloth_albedos: of the upper garment, the lower garment and the shoes.
-        pattern: pattern of the upper garment.
+        garments, cloth_albedos: upper garment, lower garment, shoes; ``pattern``: of the upper one.
         words, numbers: entries of the manifest, "appearance.name" -> value.
     """
 
