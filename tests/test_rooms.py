@@ -55,7 +55,6 @@ HOMES = {
         "glsim.simulation.render_cache",
         "glsim.simulation.pipeline",
         "glsim.simulation.virtual_camera",
-        "glsim.bench.fit.stereo_sensor",
         "glsim.cli.tune_page.preview",
         "glsim.cli",
     ),

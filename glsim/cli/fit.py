@@ -33,20 +33,18 @@ def fit(
     """Measure a camera's noise on a recording by a camera at rest and write a sensor file.
 
     Record 60 frames or more: the camera at rest, a still wall and furniture at the distances that
-    you use, at best one wall at a slant, and a head if faces are the aim. What moves, such as that
-    person, is masked; depths are measured where and while they rest. Without
-    infrared the fit uses distances, and assumes that all surfaces have the albedo --albedo; with
-    infrared, it assumes that the brightest surfaces have it. Wiggling needs undistorted frames of
-    plane walls that cover 0.65 m of distances or more: one at a slant, or several at several
-    distances. A plain wall shows the fixed pattern, which is also written as a map:
-    NAME_fixed_pattern.npy, float32 mm, (rows, columns), NaN where it is unknown. The sensor file
-    names the map, and frames of that sensor have this pattern.
+    you use, at best one wall at a slant, and a head if faces are the aim. What moves is masked.
+    Without infrared the fit uses distances, and assumes that all surfaces have the albedo --albedo;
+    with infrared, that the brightest surfaces have it. Wiggling needs undistorted frames of plane
+    walls that cover 0.65 m of distances or more. A plain wall shows the fixed pattern, which is
+    also written as a map: NAME_fixed_pattern.npy, float32 mm, (rows, columns), NaN where unknown.
 
     The base sensor is the nearest by its depths (the steps of disparity, focal length times
     baseline), the size and unit of its frames and the correlation of its noise; rivals are printed.
     If two are close, --base must name it. For cameras that match images the fit finds focal length
-    times baseline, the temporal and the static noise of disparity, the correlation of both, the
-    gap beside rims and the single holes. What a recording does not show stays the base's.
+    times baseline, the temporal and the static noise of disparity, the static one's correlation,
+    and the single holes: it renders the recording's own surfaces through variants of the base. What
+    a recording does not show, or what brings all figures together no nearer, stays the base's.
 
     The fit uses the first half of the frames. The second half is compared with its replay through
     base and fitted sensor: noise that changes and noise that stays, its correlation, single holes,
@@ -97,9 +95,9 @@ def fit(
         seen = "unseen by the fit" if halved else "seen by the fit, no test of it"
         title = f"Frames {tested.start} to {last - 1}, {seen}, and their replays:"
         table = [title, *proven]
-        better |= not halved
         if not better:
             table.append(f"Not better than {own} by two standard errors: {own} is recommended.")
+        better |= not halved
     head = [f"# {line}" for line in (*table, f"Base: {choice.text}")]
     lines = {**fitted.lines, "base": choice.text.replace(choice.name, own, 1)}
     fitted = replace(fitted, text="\n".join(head) + "\n" + fitted.text, lines=lines)

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from glsim.bench.compare.comparison import compare_sets
-from glsim.bench.compare.replay import replay
+from glsim.bench.compare.replay import Replay
 from glsim.bench.compare.replay_noise import half_distance_px, measure_replay_noise
 from glsim.bench.compare.replay_surfaces import find_surfaces, smooth_surfaces
 from glsim.cli import main
@@ -60,6 +60,16 @@ def test_surfaces_are_smooth_and_gaps_are_given_to_the_far_one() -> None:
     open_depth[90:118, 100:160] = np.nan
     assert np.isnan(find_surfaces(open_depth, (3.0,), 12).front_mm[104, 130])
     assert np.isfinite(find_surfaces(open_depth, (3.0,), 80).front_mm[104, 130])
+
+
+def test_still_frames_are_one_scene_of_their_median() -> None:
+    noisy = [np.nan_to_num(step(seed)) for seed in range(5)]
+    still, one = (Replay(frames_of("s", n), "ideal", smooth_px=1.0) for n in (noisy, noisy[:1]))
+    first, second = still.through(most=2)
+    np.testing.assert_array_equal(first.noisy_mm, second.noisy_mm)
+    wall = WALL_MM + 0.4 * np.arange(160, WIDTH - 5)
+    errors = [(f.noisy_mm[5:-5, 160:-5] - wall).std() for f in (first, one.through()[0])]
+    assert errors[0] < 0.7 * errors[1]
 
 
 def test_scattered_depths_of_a_far_wall_become_a_wall() -> None:
@@ -115,13 +125,13 @@ def recorded() -> Frames:
     """Frames of kinect-v2 of steps at four distances, each by a replay of a perfect one."""
     depths = [np.kron(step(k, 0.0, 1) * (0.8 + 0.1 * k), np.ones((2, 2))) for k in range(4)]
     lights = [np.nan_to_num(3e9 / depth**2).astype(np.float32) for depth in depths]
-    return replay(frames_of("perfect", depths, lights), "kinect-v2", seed=1)
+    return Replay(frames_of("perfect", depths, lights), "kinect-v2").through(seed=1)
 
 
 @pytest.mark.long
 def test_a_sensor_is_not_told_from_its_own_replay(recorded: Frames) -> None:
     """The same device; a replay of it differs by what the smoothing leaves of the noise."""
-    again = replay(recorded, "kinect-v2", seed=1)
+    again = Replay(recorded, "kinect-v2").through(seed=1)
     assert [f.name for f in again] == [f.name for f in recorded]
     for first, second in zip(recorded, again, strict=True):
         both = np.isfinite(first.measured_mm) & np.isfinite(second.measured_mm)
@@ -133,7 +143,7 @@ def test_a_sensor_is_not_told_from_its_own_replay(recorded: Frames) -> None:
     assert max(own.auc, own.boosted_auc) < 0.7
     quiet = ["tof_floor.sigma_mm=0.3", "tof_taps.read_variance=2"]
     for changes in (["tof_floor.sigma_mm=4"], quiet):
-        other = replay(recorded, "kinect-v2", seed=1, assignments=changes)
+        other = Replay(recorded, "kinect-v2").through(seed=1, assignments=changes)
         told = compare_sets(recorded, other).verdicts["planes"]
         assert told.boosted_auc > own.boosted_auc + 0.1, changes
 
@@ -141,14 +151,16 @@ def test_a_sensor_is_not_told_from_its_own_replay(recorded: Frames) -> None:
 def test_frames_follow_the_seed_and_frames_without_depth_stay_so(recorded: Frames) -> None:
     first = recorded[0]
     empty = first.changed({"noisy_mm": np.zeros_like(first.noisy_mm)})
-    made = [replay(Frames.of([first, empty]), "kinect-v2", seed=3) for _ in range(2)]
+    made = [Replay(Frames.of([first, empty]), "kinect-v2").through(seed=3) for _ in range(2)]
     np.testing.assert_array_equal(made[0][0].measured_mm, made[1][0].measured_mm)
     assert [np.isfinite(f.measured_mm).any() for f in made[0]] == [True, False]
 
 
 def test_a_gate_does_not_cut_the_real_scene(recorded: Frames) -> None:
     close = [f.changed({"noisy_mm": 0.3 * f.noisy_mm}) for f in recorded[:1]]  # from 240 mm on
-    again = replay(Frames.of(close), "kinect-v2", smooth_px=3.0)[0]  # its gate begins at 500 mm
+    again = Replay(Frames.of(close), "kinect-v2", smooth_px=3.0).through()[
+        0
+    ]  # its gate begins at 500 mm
     near = close[0].measured_mm < 450
     assert near.sum() > 1000
     assert np.isfinite(again.measured_mm[near]).mean() > 0.8
@@ -165,7 +177,7 @@ def test_mirrored_frames_are_replayed_mirrored(recorded: Frames) -> None:
     )
     own = compare_sets(recorded, recorded).first.silhouettes.shadow_side
     for frames, side in ((recorded, own), (mirrored, {"left": "right", "right": "left"}[own])):
-        again = replay(frames, "kinect-v2", seed=1)
+        again = Replay(frames, "kinect-v2").through(seed=1)
         assert compare_sets(frames, again).second.silhouettes.shadow_side == side
 
 
@@ -197,7 +209,7 @@ def test_the_command_replays_and_refuses_what_it_cannot(
 def test_replays_of_real_frames() -> None:
     """A Kinect V2's rooms, a wall and rooms of a D435; figures as in docs/results/comparison.md."""
     kinect = open_maps(REAL_KINECT_V2).read(16)
-    verdicts = compare_sets(kinect, replay(kinect, "kinect-v2")).verdicts
+    verdicts = compare_sets(kinect, Replay(kinect, "kinect-v2").through()).verdicts
     assert verdicts["planes"].auc < 0.72
     assert verdicts["silhouettes, lit side"].auc < 0.72
     wall = sorted((REAL_CAMERAS / "d435_wall_2frames").glob("depth*.png"))
@@ -206,6 +218,6 @@ def test_replays_of_real_frames() -> None:
         open_maps(wall, unit_mm=1).read(60, 390.43),
         open_maps(rooms, unit_mm=1.0).read(60, 381.4),
     ):
-        verdicts = compare_sets(real, replay(real, "realsense-d435-vga")).verdicts
+        verdicts = compare_sets(real, Replay(real, "realsense-d435-vga").through()).verdicts
         assert verdicts["planes"].auc < 0.75
         assert verdicts["curved"].auc < 0.75

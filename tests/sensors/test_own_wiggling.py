@@ -13,7 +13,6 @@ from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png, read_image
 from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor
 from glsim.sensors.wiggling import Wave, remove_wiggling, wiggling_mm
-from glsim.settings.toml_tables import read_toml
 from glsim.simulation.virtual_camera import VirtualCamera
 from tests.support.planted_frames import encoded
 
@@ -118,9 +117,8 @@ def test_a_fitted_sensor_holds_the_waves_that_it_measured(context: Context, tmp_
     shot = camera.capture(walls(35.0), FRAMES, None, changes=changes)
     statistics = measure_recording(frames_of("walls", encoded(shot), camera=IMAGE))
     wiggling = fit_wiggling(statistics, IMAGE, EMITTER_M)
-    tree = read_toml(SENSOR_FOLDER / "kinect-v2-fast.toml")
-    file = tmp_path / "mine.toml"
-    file.write_text(fitted_toml("kinect-v2-fast", tree, {}, IMAGE, ["walls"], "", wiggling.waves()))
+    sensor, file = load_sensor("kinect-v2-fast"), tmp_path / "mine.toml"
+    file.write_text(fitted_toml(sensor, {}, IMAGE, ["walls"], "", wiggling.waves()))
     sensor = load_sensor(str(file))
     assert [(w.harmonic, w.modulation_mhz) for w in sensor.wiggling] == [(2, 80), (2, 120)]
 

@@ -51,92 +51,100 @@ _SOME_FRAMES = 4
 _WIDEST_HOLE_PX = (12, 80)
 
 
-def replay(
-    real: Frames,
-    sensor: str,
-    *,
-    seed: int = 0,
-    assignments: Sequence[str] = (),
-    smooth_px: float | None = None,
-    mode: Mode | None = None,
-) -> Frames:
-    """Render the surfaces of real frames through a sensor.
+class Replay:
+    """Surfaces of real frames, for rendering through a sensor or variants of it.
 
-    The sensor's own frames are decimated or registered to colour as those of ``real`` were.
-
-    Static frames of ``real`` are rendered as one static scene. If shadows lie on one side in
-    ``real`` and on the other in the sensor's frames, ``real`` is mirrored, as libfreenect2's frames
-    are: the replay renders the scene unmirrored and mirrors its result. Range gates of the sensor
-    are widened to the depths of ``real``.
-
-    Raises ConfigError for an unknown sensor, and for depths far outside its range, which are most
-    likely in another unit.
-
-    Args:
-        real: the frames; their intrinsics replace the sensor's.
-        assignments: parameters of the sensor's stages, in the form of ``--set``.
-        smooth_px: standard deviation of the smoothing window. Default: from the noise.
-        mode: the mode of ``real``, with its intrinsics. Default: the sensor's depth in the grid of
-            ``real``.
-
-    Returns:
-        Frames with the names, size and order of ``real``; ``note`` says how much was smoothed.
+    The sensor's frames are decimated or registered to colour as the real ones were. Static frames
+    are rendered as one static scene, whose depth is their median. If shadows lie on the other side
+    than the sensor's, the real frames are mirrored, as libfreenect2's are: the replay renders the
+    scene unmirrored and mirrors its result. Range gates are widened to the real depths.
     """
-    loaded, camera = load_sensor(sensor), real.intrinsics
-    mode = mode or Mode("", camera, camera)
-    assignments = [*_range_assignments(real, loaded, mode.depth), *assignments]
-    mirrored = not mode.registered and _is_mirrored(real, loaded.rig)
-    plain = mode.depth is mode.image
-    rig = _grid(replace(mode.depth, cx=camera.width - camera.cx) if mirrored else mode.depth)
-    if mode.registered and loaded.rig.colour is not None:
-        colour = replace(loaded.rig.colour, intrinsics=camera)
-        place = {"position_m": colour.position_m, "turn_deg": colour.turn_deg}
-        rig |= {"deliver": "colour", "colour": {**_grid(camera), **place}}
-    frames = [_mirror(frame) if mirrored else frame for frame in real]
-    if not plain:  # light is known in the depth camera's own grid alone
-        frames = [frame.without(["infrared"]) for frame in frames]
-    some = frames[:: max(len(frames) // _SOME_FRAMES, 1)]
-    noise = measure_replay_noise(some, smooth_px)
-    with borrowed_context(None) as context:
-        virtual = VirtualCamera(sensor, context, seed=seed, rig=rig, assignments=assignments)
 
-        def scene(frame: DepthFrame) -> Mesh | None:
-            """Return the surfaces of a frame with their reflectivity; None without depth."""
-            holes_px = _WIDEST_HOLE_PX[frame.infrared is not None]
-            surfaces = find_surfaces(
-                frame.measured_mm, noise.scales_px, holes_px, noise.energy(frame)
-            )
-            if not np.isfinite(surfaces.front_mm).any():
-                return None
-            albedo = np.full(frame.measured_mm.shape, SKIN_ALBEDO)
-            if frame.infrared is not None:
-                albedo = _albedo(virtual, surfaces, frame.infrared)
-            seen_by = virtual.rig.intrinsics if plain else camera
-            mesh = mesh_of(surfaces, seen_by, albedo)
-            if mode.registered:  # from the colour camera's frame to the depth camera's
-                back = np.linalg.inv(colour.from_depth())
-                points = product(mesh.vertices_mm.astype(np.float64), back[:3, :3].T)
-                moved = (points + MM_PER_M * back[:3, 3]).astype(np.float32)
-                mesh = replace(mesh, vertices_mm=moved)
-            return mesh
+    def __init__(
+        self, real: Frames, sensor: str, *, smooth_px: float | None = None,
+        mode: Mode | None = None, relief: bool = True,
+    ) -> None:  # fmt: skip
+        """Measure the noise of ``real``, whose intrinsics replace the sensor's.
 
-        made = []
-        for frame, view in zip(frames, view_numbers(real), strict=True):
-            rendered = _render(virtual, scene(frames[view]), frame, mode.decimated_by)
-            made.append((_mirror(rendered) if mirrored else rendered).changed(intrinsics=camera))
-    return Frames.of(made, f"{sensor}, replay", noise.sentence)
+        ``smooth_px``: standard deviation of the smoothing window; default: from the noise.
+        ``mode``: of ``real``, with its intrinsics; default: the sensor's depth in its grid.
+        ``relief``: whether relief above the noise stays; noise above the usual stays with it.
+        """
+        camera = real.intrinsics
+        self._real, self._sensor, self._mode = real, sensor, mode or Mode("", camera, camera)
+        self._mirrored = not self._mode.registered and _is_mirrored(real, load_sensor(sensor).rig)
+        frames = [_mirror(frame) if self._mirrored else frame for frame in real]
+        if self._mode.depth is not self._mode.image:  # light is known in the depth camera's grid
+            frames = [frame.without(["infrared"]) for frame in frames]
+        self._relief = relief
+        some = frames[:: max(len(frames) // _SOME_FRAMES, 1)]
+        self._frames, self._noise = frames, measure_replay_noise(some, smooth_px)
+        self._views: dict[int, list[int]] = {}
+        for number, view in enumerate(view_numbers(real)):
+            self._views.setdefault(view, []).append(number)
+        self._last: tuple[int, DepthFrame, ReplaySurfaces] | None = None  # last view, its surfaces
+
+    def through(
+        self, sensor: str = "", *, seed: int = 0, assignments: Sequence[str] = (),
+        most: int | None = None,
+    ) -> Frames:  # fmt: skip
+        """Render the surfaces through a sensor; "" is that of the constructor.
+
+        Returns frames with the names, size and order of the real ones, of each view the first
+        ``most``; ``note`` says how much was smoothed. Raises ConfigError for an unknown sensor, and
+        for depths far outside its range, which are most likely in another unit.
+        """
+        sensor = sensor or self._sensor
+        loaded, camera, mode = load_sensor(sensor), self._real.intrinsics, self._mode
+        depth = mode.depth
+        assignments = [*_range_assignments(self._real, loaded, depth), *assignments]
+        rig = _grid(replace(depth, cx=camera.width - camera.cx) if self._mirrored else depth)
+        back = None
+        if mode.registered and loaded.rig.colour is not None:
+            colour = replace(loaded.rig.colour, intrinsics=camera)
+            place = {"position_m": colour.position_m, "turn_deg": colour.turn_deg}
+            rig |= {"deliver": "colour", "colour": {**_grid(camera), **place}}
+            back = np.linalg.inv(colour.from_depth())
+        made: dict[int, DepthFrame] = {}
+        with borrowed_context(None) as context:
+            virtual = VirtualCamera(sensor, context, seed=seed, rig=rig, assignments=assignments)
+            for view, every in self._views.items():
+                numbers, mesh = every[:most], self._mesh(view, virtual)
+                if mesh is not None and back is not None:  # from colour's frame to the depth's
+                    points = product(mesh.vertices_mm.astype(np.float64), back[:3, :3].T)
+                    moved = (points + MM_PER_M * back[:3, 3]).astype(np.float32)
+                    mesh = replace(mesh, vertices_mm=moved)
+                frames = [self._frames[number] for number in numbers]
+                shots = _render(virtual, mesh, frames, mode.decimated_by)
+                for number, shot in zip(numbers, shots, strict=True):
+                    turned = _mirror(shot) if self._mirrored else shot
+                    made[number] = turned.changed(intrinsics=camera)
+        ordered = [made[number] for number in sorted(made)]
+        return Frames.of(ordered, f"{sensor}, replay", self._noise.sentence)
+
+    def _mesh(self, view: int, virtual: VirtualCamera) -> Mesh | None:
+        """Return the surfaces of a view with their reflectivity; None without depth."""
+        if self._last is None or self._last[0] != view:
+            frame = _middle([self._frames[number] for number in self._views[view]])
+            widest_px, noise = _WIDEST_HOLE_PX[frame.infrared is not None], self._noise
+            energy = noise.energy(frame) if self._relief else None
+            surfaces = find_surfaces(frame.measured_mm, noise.scales_px, widest_px, energy)
+            self._last = view, frame, surfaces
+        _, frame, surfaces = self._last
+        if not np.isfinite(surfaces.front_mm).any():
+            return None
+        albedo = np.full(frame.measured_mm.shape, SKIN_ALBEDO)
+        if frame.infrared is not None:
+            albedo = _albedo(virtual, surfaces, frame.infrared)
+        plain = self._mode.depth is self._mode.image
+        seen_by = virtual.rig.intrinsics if plain else self._real.intrinsics
+        return mesh_of(surfaces, seen_by, albedo)
 
 
 def compare_replay(
-    real: Frames,
-    sensor: str,
-    stated: bool,
-    progress: Callable[[str], None],
-    *,
-    seed: int = 0,
-    assignments: Sequence[str] = (),
-    smooth_px: float | None = None,
-) -> tuple[Comparison, Frames, str]:
+    real: Frames, sensor: str, stated: bool, progress: Callable[[str], None], *, seed: int = 0,
+    assignments: Sequence[str] = (), smooth_px: float | None = None,
+) -> tuple[Comparison, Frames, str]:  # fmt: skip
     """Compare real frames with their replay in the mode in which they were delivered.
 
     Of modes that cannot be told apart, the one whose surfaces are told less is chosen. Also returns
@@ -146,9 +154,8 @@ def compare_replay(
     for mode in possible_modes(load_sensor(sensor), real, stated, find_lattice(real)):
         progress(f"rendering {len(real)} frames through {sensor}: {mode.name}")
         grid = Frames.of([f.changed(intrinsics=mode.image) for f in real], real.title)
-        made = replay(
-            grid, sensor, seed=seed, assignments=assignments, smooth_px=smooth_px, mode=mode
-        )
+        scene = Replay(grid, sensor, smooth_px=smooth_px, mode=mode)
+        made = scene.through(seed=seed, assignments=assignments)
         comparison = compare_sets(grid, made, progress=progress)
         tried.append((comparison.told, comparison, made, mode.name))
     tried.sort(key=lambda entry: entry[0])
@@ -197,19 +204,36 @@ def _range_assignments(real: Frames, sensor: Sensor, depth: Intrinsics) -> list[
     ]
 
 
+def _middle(frames: Sequence[DepthFrame]) -> DepthFrame:
+    """Return the median over time of frames of one view; no depth where most of them have none."""
+    if len(frames) == 1:
+        return frames[0]
+    depth_mm = np.sort([frame.measured_mm for frame in frames], axis=0)  # NaN comes last
+    count = np.isfinite(depth_mm).sum(axis=0)
+    # Of an even number, a mean of the two in the middle would lie between two surfaces.
+    middle = np.take_along_axis(depth_mm, np.maximum(count - 1, 0)[None] // 2, axis=0)[0]
+    layers = {"noisy_mm": np.where(2 * count >= len(frames), middle, 0)}
+    if frames[0].infrared is not None:
+        layers["infrared"] = np.mean([f.layer("infrared") for f in frames], axis=0, dtype="f4")
+    return frames[0].changed(layers)
+
+
 def _render(
-    virtual: VirtualCamera, mesh: Mesh | None, frame: DepthFrame, decimated_by: int
-) -> DepthFrame:
-    """Render the mesh of a frame with the frame's depth step; without a mesh, no depth."""
+    virtual: VirtualCamera, mesh: Mesh | None, frames: Sequence[DepthFrame], decimated_by: int
+) -> list[DepthFrame]:
+    """Render a mesh as a still sequence with the frames' depth step; without a mesh, no depth."""
     if mesh is None:
-        return frame.changed({"noisy_mm": np.zeros_like(frame.noisy_mm)})
-    shot = virtual.capture(mesh, 1, None, scene=f"replay {frame.name}")[0]
-    depth_mm = (np.rint(shot.noisy_mm / frame.step_mm) * frame.step_mm).astype(np.float32)
-    if decimated_by > 1:
-        small, depth_mm = decimate(depth_mm, decimated_by), np.zeros_like(frame.noisy_mm)
-        depth_mm[: small.shape[0], : small.shape[1]] = small  # librealsense pads with zeros
-    light = {} if frame.infrared is None else {"infrared": shot.layer("infrared")}
-    return frame.changed({"noisy_mm": depth_mm, **light})
+        return [frame.changed({"noisy_mm": np.zeros_like(frame.noisy_mm)}) for frame in frames]
+    made = []
+    shots = virtual.capture(mesh, len(frames), None, scene=f"replay {frames[0].name}")
+    for frame, shot in zip(frames, shots, strict=True):
+        depth_mm = (np.rint(shot.noisy_mm / frame.step_mm) * frame.step_mm).astype(np.float32)
+        if decimated_by > 1:
+            small, depth_mm = decimate(depth_mm, decimated_by), np.zeros_like(frame.noisy_mm)
+            depth_mm[: small.shape[0], : small.shape[1]] = small  # librealsense pads with zeros
+        light = {} if frame.infrared is None else {"infrared": shot.layer("infrared")}
+        made.append(frame.changed({"noisy_mm": depth_mm, **light}))
+    return made
 
 
 def _mirror(frame: DepthFrame) -> DepthFrame:

@@ -76,11 +76,9 @@ class ReplaySurfaces:
 
 
 def find_surfaces(
-    depth_mm: NDArray[np.float32],
-    scales_px: Sequence[float],
-    widest_hole_px: int,
+    depth_mm: NDArray[np.float32], scales_px: Sequence[float], widest_hole_px: int,
     noise_mm2: Array | None = None,
-) -> ReplaySurfaces:
+) -> ReplaySurfaces:  # fmt: skip
     """Find the surfaces of a depth map and smooth them.
 
     Args:

@@ -99,13 +99,9 @@ def choose_base(recording: Recording, base: str | None, focal_px: float | None) 
 
 
 def _rival(
-    sensor: Sensor,
-    alike_px: float,
-    frames: Frames,
-    known_focal: bool,
-    lattice: Lattice | None,
+    sensor: Sensor, alike_px: float, frames: Frames, known_focal: bool, lattice: Lattice | None,
     half_px: float,
-) -> Rival:
+) -> Rival:  # fmt: skip
     """Compute the distance of one base, and name the evidence against it, strongest first."""
     image, unit, steps = frames.intrinsics, frames[0].step_mm or 1.0, steps_per_px(sensor)
     alike = min(_times(half_px, alike_px, _ALIKE), _MOST_ALIKE)

@@ -85,10 +85,9 @@ class Wiggling:
 
 
 def fit_wiggling(
-    statistics: RecordingStatistics,
-    image: Intrinsics,
+    statistics: RecordingStatistics, image: Intrinsics,
     emitter_m: tuple[float, float, float] = (0.0, 0.0, 0.0),
-) -> Wiggling | None:
+) -> Wiggling | None:  # fmt: skip
     """Fit the harmonics to all planes of a recording without lens distortion, which bends planes.
 
     ``emitter_m``: (x, y, z) of the emitter in the camera frame. Returns None if the planes cover

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from glsim.core.camera import Intrinsics
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
+from glsim.sensors.sensor import Sensor
 from glsim.settings.toml_tables import toml_value
 
 #: Stands in the text of a sensor for the name of the map's file.
@@ -54,18 +55,13 @@ def map_of(file: Path) -> Path:
 
 
 def recording_camera(
-    size: tuple[int, int],
-    stated: Intrinsics | None,
-    own: Intrinsics,
-    focal_px: float | None,
+    size: tuple[int, int], stated: Intrinsics | None, own: Intrinsics, focal_px: float | None,
     other_px: float | None = None,
-) -> Intrinsics:
+) -> Intrinsics:  # fmt: skip
     """Choose the intrinsics of a recording.
 
-    Args:
-        size: (width, height) of the frames, px.
-        own: intrinsics of the base sensor, for a recording that states none of this size.
-        other_px: focal length to use if neither intrinsics have this size; None raises ConfigError.
+    ``own``: of the base sensor, for a recording that states none of this size, (width, height).
+    ``other_px``: focal length if neither has this size; None raises ConfigError.
     """
     known = [k for k in (stated, own) if k is not None and (k.width, k.height) == size]
     fx = fy = focal_px or other_px or 0.0
@@ -81,18 +77,34 @@ def recording_camera(
 
 
 def sensor_toml(
-    comments: Sequence[str],
-    head: Mapping[str, str],
-    rig: Mapping[str, Any],
-    stages: Sequence[Mapping[str, Any]],
-) -> str:
-    """Write the TOML text of a sensor; "imager" and "emitter" of ``rig`` are lists of tables."""
-    lines = [*(f"# {comment}".rstrip() for comment in comments), *_entries(head), "", "[rig]"]
-    parts = [("rig." + name, rig.get(name, ())) for name in ("imager", "emitter")]
-    lines += _entries({k: v for k, v in rig.items() if k not in ("imager", "emitter")})
-    for name, tables in (*parts, ("stage", stages)):
-        for table in tables:
-            lines += ["", f"[[{name}]]", *_entries(table)]
+    comments: Sequence[str], sensor: Sensor, base: str, image: Intrinsics,
+    rig: Mapping[str, Any], values: Mapping[str, float],
+) -> str:  # fmt: skip
+    """Write the text of a sensor file that extends ``sensor``, whose name or file is ``base``.
+
+    ``rig``: further keys of [rig]; "imager" and "emitter" are lists of tables. ``values``: of
+    STAGE.PARAMETER; they are cut to the parameter's range.
+    """
+    table = {
+        "width": image.width, "height": image.height,
+        "focal_px": [round(f, 4) for f in (image.fx, image.fy)],
+        "centre_px": [round(c, 4) for c in (image.cx, image.cy)], **rig,
+    }  # fmt: skip
+    tables = [("rig." + name, table.pop(name, ())) for name in ("imager", "emitter")]
+    for stage in sensor.stages:
+        fitted = {}
+        for key, declared in stage.spec.parameters.items():
+            if (value := values.get(f"{stage.name}.{key}")) is not None:
+                bounded = min(max(value, declared.low), declared.high)
+                fitted[key] = int(bounded) if declared.type == "int" else bounded
+        if fitted:
+            tables.append(("stage", [{"use": stage.spec.name, "name": stage.name, **fitted}]))
+    title = f"fitted to a recording, from {sensor.name}"
+    lines = [f"# {comment}".rstrip() for comment in comments]
+    lines += [*_entries({"extends": base, "title": title}), "", "[rig]", *_entries(table)]
+    for name, group in tables:
+        for entry in group:
+            lines += ["", f"[[{name}]]", *_entries(entry)]
     return "\n".join(lines) + "\n"
 
 

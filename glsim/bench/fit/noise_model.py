@@ -163,20 +163,12 @@ class NoiseModel:
 
 
 def fit_noise_model(
-    statistics: RecordingStatistics,
-    image: Intrinsics,
-    albedo: float,
-    unit_mm: float,
-    profile: LightProfile,
-    emitter_m: tuple[float, float, float],
-    taps: TapNoise,
-) -> NoiseModel:
+    statistics: RecordingStatistics, image: Intrinsics, albedo: float, unit_mm: float,
+    profile: LightProfile, emitter_m: tuple[float, float, float], taps: TapNoise,
+) -> NoiseModel:  # fmt: skip
     """Fit amplitude and floor by weighted least squares over classes of equal light.
 
-    Args:
-        albedo: reflectivity of the scene, relative to a white wall.
-        unit_mm: step of the depth files.
-        emitter_m: position of the emitter in the camera frame.
+    ``albedo``: of the scene, relative to a white wall. ``unit_mm``: step of the depth files.
     """
     cosine = 1.0 / np.linalg.norm(_rays(image), axis=-1)
     light = albedo * facing_light(statistics.mean_mm, image, profile, emitter_m)

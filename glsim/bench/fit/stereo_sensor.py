@@ -1,143 +1,53 @@
-"""Fit of an image-matching sensor to a recording, by simulating planes at equal distances.
+"""Fit of an image-matching sensor to a recording, by replays of the recording's own surfaces.
 
-The base sensor, with the recording's focal length, baseline and unit, captures tilted planes at the
-distances of the recording. The same function measures the recording and the simulated planes. Each
-measure is fitted by one parameter, if it differs from the base's by two standard errors:
+The base sensor gets the recording's focal length, baseline and unit. Then each figure is fitted by
+one parameter, if it differs from the base's by two standard errors:
 
-    noise from frame to frame                  stereo_exposure.speckle_sigma, of the laser's light
+    noise from frame to frame                  speckle_sigma of the exposure, of the laser's light
     noise that stays: correlation at 4 px      match_stereo.device_grain_px, its waves
     over that at 1 px
-    1 - correlation at 1 px                    match_stereo.device_fine, share of its fine grains
+    correlation at 1 px                        match_stereo.device_fine, share of its fine grains
     its size                                   match_stereo.device_sigma_px
+    single holes                               match_stereo.unlike_medians, of which match is bad
+
+Gaps beside silhouettes are listed only: where rims flicker, 8 px around them count as moving.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+import math
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from moderngl import Context
 
-from glsim.bench import scenes
+from glsim.bench.compare.replay import Replay
+from glsim.bench.fit import figures
 from glsim.bench.fit.fitted_sensor import FittedSensor, recording_camera, sensor_toml
 from glsim.bench.modes import find_lattice, possible_modes
-from glsim.core.array_types import Array
-from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.units import MM_PER_M
 from glsim.data.recording import Recording
-from glsim.gl.context import borrowed_context
-from glsim.measures.disparity import (
-    LEAST_TILES,
-    TILE_PX,
-    DisparityNoise,
-    find_tiles,
-    measure_blocks,
-    to_disparity,
-)
+from glsim.measures.disparity import LEAST_TILES, find_tiles, to_disparity
 from glsim.measures.lattice import Lattice
-from glsim.measures.stacks import jackknife_error
 from glsim.noise.rig_checks import MATCHER
 from glsim.sensors.sensor import Sensor, load_sensor
-from glsim.simulation.virtual_camera import VirtualCamera
 
 #: Number of frames to measure. Chosen: 23 differences determine a tile's temporal noise to 3 %.
 FRAMES = 24
-#: Number of groups of tiles by distance; the fit simulates a plane for each group.
-_GROUPS = 3
-
-
-@dataclass(frozen=True)
-class StereoStatistics:
-    """Disparity noise and planes of one recording.
-
-    Attributes:
-        size: (width, height), px.
-        unit_mm: step of the depth files.
-        lattice: lattice of the depths; None: not found, and f B is the base sensor's.
-        noise: noise of disparity, px; then without each of some parts of the image, for errors.
-        distances_mm: median distance of each of three groups of tiles, nearest first.
-        slopes: median slope of each group, px of disparity per px; noise depends on it. A single
-            tile also has a slope that noise causes.
-    """
-
-    frames: int
-    size: tuple[int, int]
-    unit_mm: float
-    focal_baseline_px_mm: float
-    lattice: Lattice | None
-    noise: Sequence[DisparityNoise]
-    distances_mm: tuple[float, ...]
-    slopes: tuple[float, ...]
-
-
-def measure_stereo(
-    frames: Frames, lattice: Lattice | None, steps: float, focal_baseline_px_mm: float
-) -> StereoStatistics:
-    """Measure the disparity noise of a static recording.
-
-    Raises DatasetError if no part of the scene is plane. ``steps`` of disparity per pixel and the
-    lattice give f B; without a lattice it is ``focal_baseline_px_mm``, that of the base sensor.
-    """
-    unit = frames[0].step_mm or 1.0
-    product = focal_baseline_px_mm if lattice is None else lattice.constant * unit / steps
-    disparity = [to_disparity(f.measured_mm, product) for f in frames]
-    pairs = list(pairwise(range(len(disparity))))
-    noise = measure_blocks(disparity, pairs)
-    if noise[0].tiles < LEAST_TILES or not np.isfinite([noise[0].frame, noise[0].static]).all():
-        raise DatasetError(
-            f"{frames.title}: only {noise[0].tiles} parts of 40x40 px are full of depth: record "
-            "walls, a floor, a table, at several distances, and do not move"
-        )
-    tiles, half = find_tiles(disparity[0]), TILE_PX // 2
-    parts = np.lib.stride_tricks.sliding_window_view(disparity[0], (TILE_PX, TILE_PX))
-    parts = parts[tiles.top, tiles.left].reshape(-1, 2, half, 2, half)
-    steps_px = [np.diff(np.nanmean(parts, axis=axes), axis=1) for axes in ((1, 2, 4), (2, 3, 4))]
-    levels, slopes = tiles.level, np.concatenate(steps_px, axis=1) / half
-    groups = np.array_split(np.argsort(-levels), _GROUPS)
-    height, width = disparity[0].shape
-    return StereoStatistics(
-        len(disparity), (width, height), unit, product, lattice, noise,
-        tuple(product / float(np.median(levels[group])) for group in groups),
-        tuple(float(np.hypot(*np.median(slopes[group], axis=0))) for group in groups),
-    )  # fmt: skip
-
-
-#: Lags at which correlations are printed, as a slice of LAGS_PX: 1 to 8 px.
-_LAGS = slice(0, 6)
-#: Search for the value of a parameter: value where the base's is 0, factor of the second value to
-#: the power, largest number of values, and standard errors from which a difference counts. Chosen.
-_FIRST, _SECOND, _VALUES, _SIGNIFICANT = 0.05, 2.0, 4, 2.0
-#: A simulated plane: number of frames, albedo (as in the sheets of ``glsim validate``), and
-#: steepest tilt, degrees.
-_FRAMES, _ALBEDO, _MOST_TILT_DEG = 3, 0.6, 60.0
-#: Stages that simulate the exposure: of two imagers, and of an imager with a projected pattern.
-_EXPOSURES = ("stereo_exposure", "pattern_exposure")
-
-
-def _static(noise: DisparityNoise, lag: int) -> float:
-    """Return the correlation of static noise at a lag of LAGS_PX, mean of rows and columns."""
-    return 0.5 * (noise.static_rows[lag] + noise.static_columns[lag])
-
-
-#: A measure of noise that says a parameter.
-_Measure = Callable[[DisparityNoise], float]
-#: Fitted parameters of the matcher: measure, and power of the parameter in which it is linear.
-_OWN: dict[str, tuple[_Measure, float]] = {
-    "device_grain_px": (lambda n: _static(n, 3) / _static(n, 0), -2.0),
-    "device_fine": (lambda n: 1.0 - _static(n, 0), 1.0),
-    "device_sigma_px": (lambda n: n.static**2, 2.0),
-}
-
-
-def _matcher_value(sensor: Sensor, name: str) -> float:
-    stage = next(s for s in sensor.stages if s.spec.name == MATCHER)
-    return stage.settings[name].bounds()[0]
+#: Devices and frames of a trial; factor of a value to the power for the second trial, and the
+#: largest one; number of trials, and standard errors from which a difference counts. Chosen.
+_DEVICES, _FRAMES = 2, 3
+_SECOND, _FURTHER, _VALUES, _SIGNIFICANT = 2.0, 5.0, 5, 2.0
+#: Smoothing of the trials' surfaces, px. Chosen: of noise alike over 6 px, what stays in them is a
+#: fifth; with relief a simulated room's noise that stays came back 1.8 times too large.
+_SMOOTH_PX = 16.0
+#: A figure as near as this share counts as equal, and none counts more than this many standard
+#: errors. Chosen: the surfaces of a replay still hold a part of the real noise.
+_EQUAL, _MOST_ERRORS = 0.05, 5.0
+AGREES, _NONE = "as the recording's", (math.nan, math.nan)
 
 
 def fit_stereo(
@@ -145,44 +55,56 @@ def fit_stereo(
 ) -> FittedSensor:
     """Fit an image-matching sensor to a static recording.
 
-    Args:
-        recording: at least two frames of one view.
-        focal_px: focal length of the recording. None: as the recording states; else the base's, or
-            from the base's baseline.
+    ``recording``: at least two frames of one view. ``focal_px``: None: as the recording states;
+    else the base's, or from the base's baseline.
 
     Raises ConfigError if the focal length is not known, or the frames are decimated or registered;
     DatasetError if the recording is not static, or shows no planes.
     """
     sensor = load_sensor(base)
-    rig, steps = sensor.rig, _matcher_value(sensor, "subpixel_steps")
+    rig, matcher = sensor.rig, next(s for s in sensor.stages if s.spec.name == MATCHER)
     frames = recording.read_static(FRAMES, part)
-    product = MM_PER_M * rig.intrinsics.fx * rig.baseline_m
     lattice = find_lattice(frames)
     if focal_px is not None or recording.camera is not None:
         _check_grid(recording, sensor, focal_px, lattice)
-    statistics = measure_stereo(frames, lattice, steps, product)
-    other_px = statistics.focal_baseline_px_mm / rig.baseline_m / MM_PER_M
-    image = recording_camera(statistics.size, recording.camera, rig.intrinsics, focal_px, other_px)
-    named = str(Path(base).resolve()) if base.endswith(".toml") else base
-    with TemporaryDirectory() as folder, borrowed_context(None) as context:
-        fit = _Fit(statistics, named, sensor, image, Path(folder), context)
-        base_noise = fit.noise()
-        exposure = next((s.name for s in sensor.stages if s.spec.name in _EXPOSURES), None)
-        if exposure is not None:
-            fit.solve(f"{exposure}.speckle_sigma", lambda n: n.frame**2, 2.0)
-        for name, (measure, power) in _OWN.items():
-            fit.solve(f"{MATCHER}.{name}", measure, power)
-        lines = {"base": named, "at rest": frames.note} | _result_lines(
-            statistics, base_noise, fit.noise(), image, fit.baseline_m
+    steps, unit_mm = matcher.settings["subpixel_steps"].bounds()[0], frames[0].step_mm or 1.0
+    product = None if lattice is None else lattice.constant * unit_mm / steps
+    other_px = rig.intrinsics.fx if product is None else product / rig.baseline_m / MM_PER_M
+    size = frames.intrinsics.width, frames.intrinsics.height
+    image = recording_camera(size, recording.camera, rig.intrinsics, focal_px, other_px)
+    product = product or MM_PER_M * rig.baseline_m * image.fx
+    baseline_m = product / image.fx / MM_PER_M
+    tiles = len(find_tiles(to_disparity(frames[0].measured_mm, product)).sigma)
+    if tiles < LEAST_TILES:
+        raise DatasetError(
+            f"{frames.title}: only {tiles} parts of 40x40 px are full of depth: record "
+            "walls, a floor, a table, at several distances, and do not move"
         )
-    lines |= fit.results
-    comments = [
-        f"Fitted by glsim fit to {statistics.frames} frames of {image.width}x{image.height}: "
+    named = str(Path(base).resolve()) if base.endswith(".toml") else base
+    placed = Frames.of([frame.changed(intrinsics=image) for frame in frames], frames.title)
+    unit = {f"{MATCHER}.depth_unit_mm": unit_mm}
+    trials = Trials(placed, sensor, named, product, unit)
+    for exposure in ("stereo_exposure", "pattern_exposure"):  # a sensor has one of them
+        trials.solve(f"{exposure}.speckle_sigma", figures.FRAME, 2.0, 2.0)
+    trials.solve(f"{MATCHER}.device_grain_px", figures.WAVES, -2.0)
+    trials.solve(f"{MATCHER}.device_fine", figures.FINE, 1.0)
+    trials.solve(f"{MATCHER}.device_sigma_px", figures.STATIC, 2.0, 2.0)
+    trials.solve(f"{MATCHER}.unlike_medians", figures.HOLES, -5.0)  # fitted to trials of 7 to 12
+    by = "the baseline is the base sensor's: the depths are on no lattice that says it"
+    if lattice is not None:
+        by = f"depths are round({lattice.constant:,.0f} / n) units"
+    lines = {
+        "base": named, "at rest": frames.note,
+        "focal length times baseline": f"{product:,.0f} px mm ({by}); baseline "
+        f"{MM_PER_M * baseline_m:.2f} mm at {image.fx:.1f} px",
+    } | trials.lines()  # fmt: skip
+    comments = (
+        f"Fitted by glsim fit to {len(frames)} frames of {image.width}x{image.height}: "
         f"{recording.path}",
-        *(f"{name}: {text}" for name, text in lines.items()),
+        *(f"{name}: {line}" for name, line in lines.items()),
         f"All other values are those of {sensor.name}.",
-    ]
-    return FittedSensor(fit.text(fit.values, comments), image, lines)
+    )
+    return FittedSensor(trials.text(trials.values, comments), image, lines)
 
 
 def _check_grid(
@@ -200,147 +122,138 @@ def _check_grid(
         )
 
 
-class _Fit:
-    """State of a fit: the values found so far, and their test on simulated planes."""
+class Trials:
+    """State of a fit: the values found so far, and the figures of trials with them."""
 
     def __init__(
-        self, statistics: StereoStatistics, base: str, sensor: Sensor, image: Intrinsics,
-        folder: Path, context: Context,
+        self, frames: Frames, sensor: Sensor, base: str, focal_baseline_px_mm: float,
+        values: Mapping[str, float],
     ) -> None:  # fmt: skip
-        self.statistics, self.base, self.sensor, self.image = statistics, base, sensor, image
-        self.baseline_m = statistics.focal_baseline_px_mm / image.fx / MM_PER_M
-        self.values = {f"{MATCHER}.depth_unit_mm": statistics.unit_mm}
+        """Measure a recording and replays of it, through the base and with known values.
+
+        ``base``: name or file of the base sensor; ``values``: of STAGE.PARAMETER.
+        """
+        self.sensor, self._base, self._product = sensor, base, focal_baseline_px_mm
+        self.values = dict(values)
+        self.moved: set[str] = set()  # figures that a parameter moves
         self.results: dict[str, str] = {}
-        self._folder, self._context, self._count = folder, context, 0
+        self._image, self._seed = frames.intrinsics, 0
+        self._replay = Replay(frames, base, smooth_px=_SMOOTH_PX, relief=False)
+        self.real = self._measure(frames)
+        self.base, self.now = self._replayed(self._base), self.trial()
 
-    def text(self, values: Mapping[str, float], comments: Sequence[str]) -> str:
-        """Write the text of the sensor file: base sensor, rig and fitted parameters."""
-        image, rig = self.image, self.sensor.rig
-        scale = self.baseline_m / rig.baseline_m
+    def text(self, values: Mapping[str, float], comments: Sequence[str] = ()) -> str:
+        """Write a sensor file with other values; the baseline scales all places."""
+        rig, image = self.sensor.rig, self._image
+        scale = self._product / image.fx / MM_PER_M / rig.baseline_m
         places = {"imager": rig.imagers_m, "emitter": [e.position_m for e in rig.emitters]}
-        table = {
-            "width": image.width, "height": image.height,
-            "focal_px": [_rounded(image.fx), _rounded(image.fy)],
-            "centre_px": [_rounded(image.cx), _rounded(image.cy)],
-            **{
-                name: [{"position_m": [float(f"{scale * v:.7g}") for v in p]} for p in points]
-                for name, points in places.items()
-            },
-        }  # fmt: skip
-        stages = {}
-        for stage in self.sensor.stages:
-            kinds = {f"{stage.name}.{key}": p.type for key, p in stage.spec.parameters.items()}
-            fitted = {
-                name.partition(".")[2]: int(v) if kinds[name] == "int" else _rounded(v)
-                for name, v in values.items()
-                if name in kinds
-            }
-            named = {} if stage.name == stage.spec.name else {"name": stage.name}
-            if fitted:
-                stages[stage.name] = {"use": stage.spec.name, **named, **fitted}
-        title = f"fitted to a recording, from {self.sensor.name}"
-        head = {"extends": self.base, "title": title}
-        return sensor_toml(comments, head, table, list(stages.values()))
+        moved = {
+            name: [{"position_m": [float(f"{scale * v:.7g}") for v in point]} for point in points]
+            for name, points in places.items()
+        }
+        return sensor_toml(comments, self.sensor, self._base, image, moved, values)
 
-    def noise(self, name: str = "", value: float = 0.0) -> list[DisparityNoise]:
-        """Simulate planes with the values so far and one changed parameter; measure their noise."""
-        file = self._folder / f"trial_{self._count}.toml"
-        self._count += 1
-        values = self.values | ({name: value} if name else {})
-        file.write_text(self.text(values, ("a trial",)))
-        camera = VirtualCamera(str(file), self._context)
-        focal = camera.rig.intrinsics.fx
-        product = MM_PER_M * focal * camera.rig.baseline_m
-        disparity: list[Array] = []
-        pairs: list[tuple[int, int]] = []
-        for z_mm, slope in zip(self.statistics.distances_mm, self.statistics.slopes, strict=True):
-            # Over a pixel, z / f wide, disparity changes by slope, depth by z^2 slope / (f B).
-            steep = float(np.degrees(np.arctan(slope * z_mm * focal / product)))
-            mesh = scenes.tilted(z_mm, min(steep, _MOST_TILT_DEG), _ALBEDO, half_mm=z_mm)
-            shot = camera.capture(mesh, _FRAMES, None, scene=f"plane {z_mm:.0f}")
-            first = len(disparity)
-            disparity += list(to_disparity(np.nan_to_num(shot.measured_mm), product))
-            pairs += [(first + a, first + b) for a, b in pairwise(range(_FRAMES))]
-        return measure_blocks(disparity, pairs)
+    def trial(self, name: str = "", value: float = 0.0) -> figures.Figures:
+        """Measure replays with the values so far and one changed parameter, of new devices."""
+        with TemporaryDirectory() as folder:
+            file = Path(folder) / "trial.toml"
+            file.write_text(self.text(self.values | ({name: value} if name else {})))
+            return self._replayed(str(file))
 
-    def solve(self, name: str, measure: _Measure, power: float) -> None:
-        """Find the value of a parameter with which simulated planes measure as the recording does.
+    def _replayed(self, sensor: str) -> figures.Figures:
+        drawn = []
+        for _ in range(_DEVICES):
+            self._seed += 1
+            drawn.append(self._measure(self._replay.through(sensor, seed=self._seed, most=_FRAMES)))
+        return figures.mean_figures(drawn)
 
-        Secants over the parameter to a power. The base's value stays if the recording agrees with
-        it, or if the measure hardly depends on the parameter.
+    def _measure(self, frames: Frames) -> figures.Figures:
+        return figures.disparity_figures(frames, self._product) | figures.compared_figures(frames)
+
+    def misfit(self, found: figures.Figures) -> float:
+        """Return the mean square difference from the recording, in standard errors."""
+        apart = []
+        for name, (value, error) in self.real.items():
+            other = found.get(name, _NONE)
+            if np.isfinite([value, error, *other]).all():
+                scale = math.hypot(error, other[1], _EQUAL * value) or 1.0
+                apart.append(min(abs(value - other[0]) / scale, _MOST_ERRORS) ** 2)
+        return float(np.mean(apart)) if apart else math.inf
+
+    def solve(self, name: str, figure: str, power: float, of_figure: float = 1.0) -> None:
+        """Find the value of a parameter with which a figure is the recording's.
+
+        Secants of the figure and the parameter to their powers. The value so far stays if the
+        recording agrees with it, if the figure hardly depends on the parameter, or if all figures
+        together come no nearer.
         """
         stage_name, _, key = name.partition(".")
-        stage = next(s for s in self.sensor.stages if s.name == stage_name)
-        low, high = stage.spec.parameters[key].low, stage.spec.parameters[key].high
-        own = stage.settings[key].typical
-        target, error = _with_error(measure, self.statistics.noise)
-        value, slope, spread, apart, both = own or _FIRST, 0.0, 0.0, 0.0, 0.0
-        tried: list[tuple[float, float]] = []
-        for _ in range(_VALUES):
-            reached, spread = _with_error(measure, self.noise(name, value))
-            if not np.isfinite(reached):  # no tile is full of depth: halfway back to the last value
-                x = 0.5 * (value**power + tried[-1][0]) if tried else 0.5 * value**power
-                value = float(np.clip(x ** (1.0 / power), low, high))
-                continue
-            tried.append((value**power, reached))
-            apart, both = target - reached, _SIGNIFICANT * float(np.hypot(error, spread))
-            if len(tried) > 1:
-                slope = (reached - tried[-2][1]) / (tried[-1][0] - tried[-2][0] or np.inf)
-                if abs(slope) * tried[-1][0] <= _SIGNIFICANT * spread:
-                    break
-            if abs(apart) < (both if len(tried) == 1 else 0.5 * error):
-                break
-            x = _SECOND * tried[-1][0]
-            if slope:
-                x = float(np.clip(tried[-1][0] + apart / slope, 0.1 * x, 2.0 * x))
-            value = float(np.clip(x ** (1.0 / power), low, high))
-        if slope and abs(slope) * tried[-1][0] > _SIGNIFICANT * spread:
-            off = 0.5 * both / abs(slope * power * value ** (power - 1.0))
-            self.values[name] = float(f"{value:.3g}")
-            self.results[name] = f"{value:.3g} +- {off:.2g} (base {own:g})"
-        else:
-            why = "as the recording's" if abs(apart) < both else "the recording hardly shows it"
+        stage = next((s for s in self.sensor.stages if s.name == stage_name), None)
+        if stage is None or key not in stage.settings:
+            return
+        own, declared = stage.settings[key].typical, stage.spec.parameters[key]
+        target, error = _to_power(self.real.get(figure, _NONE), of_figure)
+        if own == 0 or not math.isfinite(target + error):
+            why = "it has none" if own == 0 else "the recording does not show it"
             self.results[name] = f"{own:g}, the base's: {why}"
+            return
+        self.moved.add(figure)
+        value, found, why = own, self.now, ""
+        drawn: dict[float, figures.Figures] = {}
+        tried: list[tuple[float, figures.Value]] = []
+        while True:
+            drawn[value] = found
+            reached = _to_power(found.get(figure, _NONE), of_figure)
+            tried.append((value**power, reached))
+            x, why = _next(tried, (target, error))
+            value = float(np.clip(max(x, 1e-12) ** (1.0 / power), declared.low, declared.high))
+            value = float(f"{value:.3g}")
+            if why or value in drawn or len(drawn) == _VALUES:
+                break
+            found = self.trial(name, value)
+        apart = [abs(target - reached[0]) for _, reached in tried]
+        best = list(drawn)[int(np.nanargmin(apart))] if np.isfinite(apart).any() else own
+        if best != own and not why:
+            why = "with others all figures together come no nearer"
+            if self.misfit(drawn[best]) < self.misfit(self.now):
+                (x, now), (y, then) = tried[-2:]
+                slope = abs((now[0] - then[0]) / (x - y) * power * best ** (power - 1.0))
+                off = math.hypot(error, then[1]) / slope
+                self.values[name], self.now = best, drawn[best]
+                self.results[name] = f"{best:g} +- {off:.2g} (base {own:g})"
+                return
+        self.results[name] = f"{own:g}, the base's: {why or AGREES}"
+
+    def lines(self) -> dict[str, str]:
+        """List each figure of the recording, the base and the fitted sensor: name -> text."""
+        lines = {}
+        for name, real in self.real.items():
+            texts = [figures.figure_text(v.get(name, _NONE)) for v in (self.base, self.now)]
+            by = f"fitted {texts[1]}" if name in self.moved else f"not fitted, now {texts[1]}"
+            lines[name] = f"{figures.figure_text(real)}; base {texts[0]}; {by}"
+        return lines | self.results
 
 
-def _with_error(measure: _Measure, noise: Sequence[DisparityNoise]) -> tuple[float, float]:
-    whole, *without = (measure(n) for n in noise)
-    return whole, float(jackknife_error(without))
+def _next(tried: Sequence[tuple[float, figures.Value]], target: figures.Value) -> tuple[float, str]:
+    """Return the next x for a figure to reach its target, or why the search ends.
+
+    ``tried``: each x, a parameter to its power, with the figure and its error there.
+    """
+    x, (reached, spread) = tried[-1]
+    known = [entry for entry in tried if math.isfinite(entry[1][0])]
+    if not math.isfinite(reached):  # nothing to measure: halfway back to the last value
+        return 0.5 * (x + (known[-1][0] if known else 0.0)), ""
+    apart, both = target[0] - reached, _SIGNIFICANT * math.hypot(target[1], spread)
+    if len(known) == 1:
+        return _SECOND * x, AGREES if abs(apart) < both else ""
+    (_, (first, own_spread)), (before, (then, _)) = known[0], known[-2]
+    if abs(reached - first) <= _SIGNIFICANT * math.hypot(spread, own_spread):
+        return _FURTHER * x, "" if len(tried) < _VALUES else "the recording hardly shows it"
+    if abs(apart) < 0.5 * target[1]:
+        return x, ""
+    step = apart * (x - before) / ((reached - then) or math.inf)
+    return float(np.clip(x + step, x / _FURTHER, _FURTHER * x)), ""
 
 
-def _rounded(value: float) -> float:
-    return float(f"{value:.6g}")
-
-
-#: Printed figures of noise -> their titles.
-_NOISES = {
-    "residual": "residual of planes, px", "frame": "noise from frame to frame, px",
-    "frame_rows": "noise from frame to frame: correlation at 1, 2, 3, 4, 6, 8 px along rows",
-    "frame_columns": "the same along columns", "static": "noise that stays, px",
-    "static_rows": "noise that stays: correlation at 1, 2, 3, 4, 6, 8 px along rows",
-    "static_columns": "noise that stays: the same along columns",
-}  # fmt: skip
-
-
-def _result_lines(
-    statistics: StereoStatistics, base: Sequence[DisparityNoise], own: Sequence[DisparityNoise],
-    image: Intrinsics, baseline_m: float,
-) -> dict[str, str]:  # fmt: skip
-    """List the noise of the recording, the base and the fitted sensor, px: name -> text."""
-    by = "the base sensor's: the depths are on no lattice that says it"
-    if statistics.lattice is not None:
-        by = f"depths are round({statistics.lattice.constant:,.0f} / n) units"
-    lines = {
-        "focal length times baseline": f"{statistics.focal_baseline_px_mm:,.0f} px mm ({by}); "
-        f"baseline {MM_PER_M * baseline_m:.2f} mm at {image.fx:.1f} px",
-        "planes compared at": ", ".join(f"{z / MM_PER_M:.2f}" for z in statistics.distances_mm)
-        + " m",
-    }
-    for name, title in _NOISES.items():
-        texts = []
-        for noise in (statistics.noise, base, own):
-            values, *without = (np.atleast_1d(getattr(n, name))[_LAGS] for n in noise)
-            pairs = zip(values, jackknife_error(without), strict=True)
-            texts.append(", ".join(f"{v:.3f} +- {e:.3f}" for v, e in pairs))
-        lines[title] = "{}; base {}; fitted {}".format(*texts)
-    return lines
+def _to_power(value: figures.Value, power: float) -> figures.Value:
+    return value[0] ** power, abs(power * value[0] ** (power - 1.0)) * value[1]

@@ -7,7 +7,6 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from glsim.bench.fit.fit_wiggling import Wiggling, fit_wiggling
 from glsim.bench.fit.fitted_sensor import PATTERN_MAP, FittedSensor, recording_camera, sensor_toml
@@ -23,11 +22,9 @@ from glsim.bench.fit.recording_statistics import RecordingStatistics, measure_re
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.data.recording import Recording
-from glsim.noise.registry import find_stage
 from glsim.sensors.kinect_v2 import FREQUENCIES_MHZ
-from glsim.sensors.sensor import SENSOR_FOLDER, load_sensor, read_sensor_tree
+from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.sensors.wiggling import Wave
-from glsim.settings.distribution import NumberSetting
 
 #: Stage -> parameters that are fitted.
 _LIGHT = (
@@ -64,10 +61,8 @@ def fit_time_of_flight(
 ) -> FittedSensor:
     """Fit a time-of-flight sensor to a static recording.
 
-    Args:
-        recording: at least two frames of one view.
-        albedo: reflectivity of the scene; with infrared, reflectivity of its brightest surfaces.
-        focal_px: focal length of the recording. None: as stated, or the base sensor's.
+    ``recording``: at least two frames of one view. ``albedo``: reflectivity of the scene; with
+    infrared, of its brightest surfaces. ``focal_px``: None: as stated, or the base sensor's.
 
     Raises ConfigError if the focal length is not known, DatasetError if the recording is not static
     or shows no smooth surfaces.
@@ -75,21 +70,21 @@ def fit_time_of_flight(
     recorded = recording.read_static(part=part)
     rest = recorded.note
     height, width = recorded[0].noisy_mm.shape
-    own = load_sensor(base).rig.intrinsics
-    image = recording_camera((width, height), recording.camera, own, focal_px)
+    sensor = load_sensor(base)
+    image = recording_camera((width, height), recording.camera, sensor.rig.intrinsics, focal_px)
     recorded = Frames.of([frame.changed(intrinsics=image) for frame in recorded], recorded.title)
     statistics = measure_recording(recorded)
-    tree = read_sensor_tree(SENSOR_FOLDER / f"{base}.toml")
-    emitter, taps = load_sensor(base).rig.emitter_m, TapNoise(**_parameters(tree, *_TAPS))
-    profile = LightProfile(**_parameters(tree, "flat_to", "fall_off", "tail", "vignetting"))
+    emitter, taps = sensor.rig.emitter_m, TapNoise(**_parameters(sensor, *_TAPS))
+    profile = LightProfile(**_parameters(sensor, "flat_to", "fall_off", "tail", "vignetting"))
     model = fit_noise_model(statistics, image, albedo, recorded[0].step_mm, profile, emitter, taps)
     law = None
     if recorded[0].infrared is not None:
         law = fit_infrared(statistics, recorded, albedo, taps)
-    kinect = load_sensor(base).rig.modulation_mhz == FREQUENCIES_MHZ  # whose wiggling is known
+    kinect = sensor.rig.modulation_mhz == FREQUENCIES_MHZ  # whose wiggling is known
     wiggling = fit_wiggling(statistics, image, emitter) if kinect else None
     values = _fitted_values(statistics, model, law, taps, wiggling)
-    lines = {"base": base, "at rest": rest} | _result_lines(statistics, tree, values)
+    waves = wiggling.waves() if wiggling is not None else ()
+    lines = {"base": base, "at rest": rest} | _result_lines(statistics, sensor, values)
     usable = _knows_pattern(statistics)
     comments = [
         f"Fitted by glsim fit to {statistics.frames} frames of {width}x{height}: {recording.path}",
@@ -98,19 +93,15 @@ def fit_time_of_flight(
         + (")." if usable else "); too noisy to add to frames."),
         f"All other values are those of {base}.",
     ]
-    waves = wiggling.waves() if wiggling is not None else ()
-    text = fitted_toml(base, tree, values, image, comments, PATTERN_MAP if usable else "", waves)
+    text = fitted_toml(sensor, values, image, comments, PATTERN_MAP if usable else "", waves)
     return FittedSensor(text, image, lines, statistics.map_mm)
 
 
-def _parameters(tree: Mapping[str, Any], *names: str) -> dict[str, float]:
+def _parameters(sensor: Sensor, *names: str) -> dict[str, float]:
     """Return typical values of the parameters from the first stage that declares any of them."""
-    adapter = TypeAdapter[Any](NumberSetting)
-    for stage in tree["stage"]:
-        declared = find_stage(stage["use"]).parameters
-        given = {n: stage.get(n, declared[n].default) for n in names if n in declared}
-        if given:
-            return {n: adapter.validate_python(value).typical for n, value in given.items()}
+    for stage in sensor.stages:
+        if given := {n: stage.settings[n].typical for n in names if n in stage.settings}:
+            return given
     return {}
 
 
@@ -121,12 +112,9 @@ def _knows_pattern(statistics: RecordingStatistics) -> bool:
 
 
 def _fitted_values(
-    statistics: RecordingStatistics,
-    model: NoiseModel,
-    infrared: InfraredLaw | None,
-    taps: TapNoise,
-    wiggling: Wiggling | None,
-) -> dict[str, float]:
+    statistics: RecordingStatistics, model: NoiseModel, infrared: InfraredLaw | None,
+    taps: TapNoise, wiggling: Wiggling | None,
+) -> dict[str, float]:  # fmt: skip
     """Collect the parameters that the recording determines, from infrared if there is any."""
     values = {"sigma_mm": model.floor_mm, **statistics.pattern}
     if not _knows_pattern(statistics):
@@ -159,43 +147,28 @@ def _harmonics(wiggling: Wiggling) -> dict[str, float]:
 
 
 def fitted_toml(
-    base: str,
-    tree: Mapping[str, Any],
-    values: Mapping[str, float],
-    image: Intrinsics,
-    comments: Sequence[str],
-    pattern_map: str = "",
-    waves: Sequence[Wave] = (),
-) -> str:
-    """Write the sensor file: the base's rig and stages with fitted values and intrinsics.
-
-    The lens distortion in the base's ``tree`` is not written. ``pattern_map``: file name or "".
-    """
-    rig = {k: v for k, v in tree["rig"].items() if k != "distortion"}
-    rig |= {
-        "width": image.width, "height": image.height,
-        "focal_px": [image.fx, image.fy], "centre_px": [image.cx, image.cy],
-    }  # fmt: skip
-    if pattern_map:
-        rig["fixed_pattern_map"] = pattern_map
+    sensor: Sensor, values: Mapping[str, float], image: Intrinsics, comments: Sequence[str],
+    pattern_map: str = "", waves: Sequence[Wave] = (),
+) -> str:  # fmt: skip
+    """Write the sensor file: the base with fitted values; ``pattern_map``: file name or ""."""
+    rig: dict[str, Any] = {"fixed_pattern_map": pattern_map} if pattern_map else {}
     if waves:
         rig["wiggling"] = [wave.model_dump() for wave in waves]
-    stages = []
-    for stage in tree["stage"]:
-        declared = find_stage(stage["use"]).parameters
-        fitted = {n: values[n] for n in _FITTED.get(stage["use"], ()) if n in values}
-        bounded = {n: min(max(v, declared[n].low), declared[n].high) for n, v in fitted.items()}
-        stages.append(stage | {n: float(f"{value:.5g}") for n, value in bounded.items()})
-    head = {"title": f"fitted to a recording, from {base}", "sheet": str(tree.get("sheet", ""))}
-    return sensor_toml(comments, head, rig, stages)
+    named = {
+        f"{stage.name}.{n}": float(f"{values[n]:.5g}")
+        for stage in sensor.stages
+        for n in _FITTED.get(stage.spec.name, ())
+        if n in values
+    }
+    return sensor_toml(comments, sensor, sensor.name, image, rig, named)
 
 
 def _result_lines(
-    statistics: RecordingStatistics, tree: Mapping[str, Any], values: Mapping[str, float]
+    statistics: RecordingStatistics, sensor: Sensor, values: Mapping[str, float]
 ) -> dict[str, str]:
     """List fitted values beside the base sensor's, and what the recording cannot tell."""
     fitted = {
-        n: f"{v:.4g} (base: {_parameters(tree, n).get(n, 0.0):.4g})" for n, v in values.items()
+        n: f"{v:.4g} (base: {_parameters(sensor, n).get(n, 0.0):.4g})" for n, v in values.items()
     }
     known = f"{100 * np.isfinite(statistics.map_mm).mean():.0f} % of the pixels, on flat surfaces"
     if not _knows_pattern(statistics):
