@@ -50,7 +50,7 @@ def make_clothes(
     """
     upper, lower, shoes = garments
     height = float(body.neck[1]) - body.crotch_mm
-    hem_mm = body.crotch_mm + float(keyed_rng(seed, "hem").uniform(0.03, 0.12)) * height
+    hem_mm = body.crotch_mm + float(keyed_rng(seed, "hem").uniform(0.1, 0.18)) * height
     hem_mm = body.waist_mm if tucked else hem_mm
     on_arm, on_leg, on_foot = (np.isin(body.part, limbs) for limbs in (ARMS, LEGS, FEET))
     y, far = body.skin[:, 1], np.full(len(body.skin), 1e3)
@@ -100,12 +100,15 @@ def _garment(
     lies = ~on_limb * smooth_step(piece.normal[:, 1], 0.35, 0.85)  # on the shoulders
     loose = (1 - lies) * (1 - end) * smooth_step(piece.opening, 0.0, 90.0)
     if limbs == LEGS:
-        loose *= np.where(on_limb, smooth_step(down, 0.0, 200.0), 1.0)  # trousers lie on a seat
+        # Trousers lie on a seat, and nothing is spanned between the legs.
+        loose *= smooth_step(np.where(on_limb, down, 2 * (y - hem_mm) - 50), 0.0, 200.0)
     if limbs == FEET:
         loose *= 1 - smooth_step(y - y.min(), 45.0, 80.0)  # shoes end at the ankle
         lies = loose  # their ease is in the hull
     trunk = garment.ease * smooth_step(level, 0.0, 0.3) + garment.flare * np.clip(level, 0, 1.1)
     limb = garment.limb_ease + garment.limb_flare * np.clip(level, 0, 1.1)
+    if limbs == ARMS:  # a shirt lies on a seat
+        trunk *= 0.3 + 0.7 * smooth_step(y - piece.crotch_mm, 60.0, _SEAT_MM)
     room = (1 - lies) * np.where(on_limb, limb, trunk) * (1 - 0.85 * end) * scale
     edges, rest = _edges(piece), _REST_MM + 0.5 * garment.thick
     moved = np.column_stack([loose[:, None] * _spanned(piece, garment), room + rest])

@@ -153,7 +153,7 @@ class FrameScenes:
 def _as_seen(mesh: Mesh, view: Floats, rig: SensorRig) -> Mesh:
     """Return a mesh as a far camera sees it, reduced to the triangles that cast its shadows."""
     pixel_mm = MM_PER_M * float(view[2, 3]) / rig.intrinsics.fx
-    if mesh.occluder is None or pixel_mm < _FAR_PIXEL_MM:
+    if mesh.occluder is None or mesh.folds is not None or pixel_mm < _FAR_PIXEL_MM:
         return mesh
     return replace(mesh, faces=mesh.occluder, occluder=None)
 
