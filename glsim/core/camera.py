@@ -286,11 +286,13 @@ class ColourCamera:
     Args:
         position_m: position in the depth camera's frame, metres.
         turn_deg: rotation vector (axis times angle, degrees) from the depth camera's frame.
+        covers: part of a depth pixel that covers pixels of the image: "corners" or "centre".
     """
 
     intrinsics: Intrinsics
     position_m: Point
     turn_deg: Point = (0.0, 0.0, 0.0)
+    covers: str = "corners"
 
     def from_depth(self) -> Array:
         """Return the (4, 4) matrix, metres, from the depth camera's frame to this camera's."""

@@ -26,8 +26,7 @@ _MATCHED_STEPS = 16
 NO_MATCH = -1
 #: Replaces NO_MATCH where disparities are subtracted, 1/256 px: 2,000 px below all disparities.
 _FAR_OFF = -(1 << 19)
-#: Standard deviation of an image after ``_even_contrast``, counts: its dots then just fit 8 bits.
-#: The value was chosen, not measured.
+#: Standard deviation of an image after ``_even_contrast``, counts. Chosen: dots just fit 8 bits.
 _EVEN_COUNTS = 40
 
 

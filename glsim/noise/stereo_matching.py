@@ -179,8 +179,7 @@ class _Turn:
         return whole - first - size if self.mirrored else first
 
 
-#: Sigma of the Gaussian that smooths the strength of the device's error, px. Chosen: real TrueDepth
-#: boards differ between tiles of 24 px.
+#: Sigma of the Gaussian of that error's strength, px. Chosen: real boards differ by tiles of 24 px.
 _PATCH_PX = 16.0
 
 

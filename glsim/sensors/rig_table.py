@@ -26,6 +26,7 @@ deliver = "colour"        registers the frame to this camera:
 [rig.colour]              width, height, focal_px, centre_px as above
 position_m = [-0.015, 0, 0]   in the depth camera's frame
 turn_deg = [0, 0, 0]      optional: rotation vector from the depth camera's axes to its axes
+covers = "corners"        optional: or "centre", after which a depth pixel covers one colour pixel
 """
 
 from __future__ import annotations
@@ -73,10 +74,11 @@ class _ColourTable(TomlTable, allow_inf_nan=False):
     centre_px: tuple[_Pixels, _Pixels]
     position_m: tuple[_Metres, _Metres, _Metres]
     turn_deg: tuple[_Degrees, _Degrees, _Degrees] = (0.0, 0.0, 0.0)
+    covers: Literal["corners", "centre"] = "corners"
 
     def camera(self) -> ColourCamera:
         image = Intrinsics(self.width, self.height, *self.focal_px, *self.centre_px)
-        return ColourCamera(image, self.position_m, self.turn_deg)
+        return ColourCamera(image, self.position_m, self.turn_deg, self.covers)
 
 
 def _check_limit(lens: Distortion) -> Distortion:

@@ -1,7 +1,7 @@
-"""Registration of a noisy frame to its rig's colour camera, as librealsense aligns depth.
+"""Registration of a noisy frame to its rig's colour camera, as its driver aligns depth.
 
-A depth pixel covers the pixels of the colour image that its four corners span at its depth. The
-nearest surface wins. Colour pixels that no depth pixel covers, beside near surfaces, stay empty.
+A depth pixel covers the pixels of the colour image that its four corners span at its depth, as in
+librealsense, or the one of its centre. The nearest surface wins; uncovered pixels stay empty.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def _land(
     z = depth_m.ravel()[source].astype(np.float64)
     matrix, seen = colour.from_depth(), colour.intrinsics
     ends = []
-    for side in (0.0, 1.0):
+    for side in (0.0, 1.0) if colour.covers == "corners" else (0.5, 0.5):
         x = (column + (window.left + side - image.cx)) * (z / image.fx)
         y = (row + (window.top + side - image.cy)) * (z / image.fy)
         px, py, pz = (a * x + b * y + c * z + d for a, b, c, d in matrix[:3])

@@ -53,15 +53,11 @@ def turned(tmp_path: Path) -> str:
 def as_librealsense(
     depth_mm: NDArray[np.uint16], image: Intrinsics, colour: ColourCamera
 ) -> NDArray[np.uint16]:
-    """Align depth to colour by librealsense's published rule, one pixel after the other.
-
-    Pixel centres have whole coordinates there; the corners of a depth pixel, half a pixel beside
-    it, are rounded to pixels of the colour image, and all between them take the smaller depth.
-    """
+    """Align depth to colour by librealsense's published rule: corners are rounded to pixels."""
     seen, matrix = colour.intrinsics, colour.from_depth()
     aligned = np.zeros((seen.height, seen.width), np.uint16)
     for row, column in zip(*np.nonzero(depth_mm), strict=True):
-        z = depth_mm[row, column] / 1000.0
+        near, z = depth_mm[row, column], depth_mm[row, column] / 1000.0
         ends = []
         for off in (-0.5, 0.5):
             x = (column + off - (image.cx - 0.5)) / image.fx * z
@@ -74,9 +70,7 @@ def as_librealsense(
         if left < 0 or top < 0 or right >= seen.width or bottom >= seen.height:
             continue
         part = aligned[top : bottom + 1, left : right + 1]
-        np.copyto(
-            part, np.where(part > 0, np.minimum(part, depth_mm[row, column]), depth_mm[row, column])
-        )
+        np.copyto(part, np.where(part > 0, np.minimum(part, near), near))
     return aligned
 
 
@@ -94,8 +88,15 @@ def test_pixels_land_where_librealsense_puts_them(context: Context) -> None:
     theirs = as_librealsense(noisy, rig.intrinsics, rig.colour)
     assert (theirs > 0).mean() > 0.8
     inside = np.s_[2:-2, 2:-2]  # librealsense drops pixels that reach over the border
-    same = np.rint(ours * 1000)[inside] == theirs[inside]
-    assert same.mean() > 0.999
+    assert (np.rint(ours * 1000)[inside] == theirs[inside]).mean() > 0.999
+
+
+def test_a_pixel_covers_what_its_corners_span_or_one_pixel() -> None:
+    image, seen = (Intrinsics(20, 20, f, f, 10.0, 10.0) for f in (50.0, 100.0))
+    layers = dict.fromkeys(("depth", "clean", "reason"), np.ones((20, 20), np.float32))
+    for covers, share in (("corners", 1.0), ("centre", 0.25)):
+        colour, whole = ColourCamera(seen, (0.0, 0.0, 0.0), covers=covers), Rect(0, 0, 20, 20)
+        assert (register(layers, whole, image, colour, layers, whole)["depth"] > 0).mean() == share
 
 
 def test_what_the_depth_camera_sees_agrees_with_the_colour_camera(

@@ -41,8 +41,7 @@ _LEAST_ALBEDO, _MOST_ALBEDO = 0.005, 3.0
 #: deviation, px; and the smallest infrared for a ratio, counts. Chosen: above the noise.
 _LIGHT_PX, _LEAST_COUNTS = 0.8, 60.0
 #: Depths of a recording fit a sensor only if their median exceeds the first share of the near limit
-#: of each range gate, and their 2nd percentile the second share of the largest such bound. Chosen,
-#: not measured.
+#: of each range gate, and their 2nd percentile the second share of the largest such bound. Chosen.
 _BEYOND_GATE, _NEAREST = 0.75, 0.35
 #: Number of frames in which the noise is measured; more frames do not change the smoothing.
 _SOME_FRAMES = 4
@@ -102,8 +101,8 @@ class Replay:
         back = None
         if mode.registered and loaded.rig.colour is not None:
             colour = replace(loaded.rig.colour, intrinsics=camera)
-            place = {"position_m": colour.position_m, "turn_deg": colour.turn_deg}
-            rig |= {"deliver": "colour", "colour": {**_grid(camera), **place}}
+            own = {name: getattr(colour, name) for name in ("position_m", "turn_deg", "covers")}
+            rig |= {"deliver": "colour", "colour": {**_grid(camera), **own}}
             back = np.linalg.inv(colour.from_depth())
         made: dict[int, DepthFrame] = {}
         with borrowed_context(None) as context:
