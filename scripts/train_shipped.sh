@@ -174,7 +174,7 @@ train_own face-kinect-v2 face-kinect-v2-first 3763 "${wide[@]}"
 heads azure-kinect-more 90 520 1600 "${one[@]}" azure-kinect
 heads azure-kinect-wfov-more 24 400 1100 "${one[@]}" azure-kinect-wfov
 rooms azure-kinect-more 24 --sensor azure-kinect
-train_own face-azure-kinect face-azure-kinect-first 3685 "${wide[@]}" --set model.unlikely=0.3
+train_own face-azure-kinect face-azure-kinect-first 3685 "${wide[@]}"
 # Active stereo and structured light, from nothing.
 heads realsense-d435 120 400 1300 "${one[@]}" realsense-d435
 rooms realsense-d435 30 --sensor realsense-d435

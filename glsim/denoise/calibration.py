@@ -25,10 +25,7 @@ class DeviceCalibration:
     """The measured systematic errors of a device; ``parts`` lists the kinds of errors."""
 
     def __init__(self, file: Path | str) -> None:
-        """Load a sensor file that holds a fixed pattern, measured wiggling, or both.
-
-        Raises ConfigError if there is no such file, or if it holds neither.
-        """
+        """Load a sensor file with a fixed pattern, wiggling, or both; ConfigError without them."""
         self.file = Path(file)
         if self.file.suffix != ".toml":
             raise ConfigError(f"--device {file}: give the sensor file (.toml) that glsim fit wrote")
@@ -47,13 +44,9 @@ class DeviceCalibration:
         self.identity = f"{pattern} {self._waves!r} {self._rig!r}"
 
     def __call__(self, depth_mm: NDArray[Any], crop: Intrinsics | None = None) -> Depth:
-        """Subtract the device's systematic errors from a depth map.
+        """Subtract the device's systematic errors from a map, (H, W) mm; 0 stays 0.
 
-        Returns (H, W) float32 mm; 0 stays 0. Raises ConfigError for a map of another camera.
-
-        Args:
-            depth_mm: (H, W) mm, a whole image of the device or a crop; 0 = no depth.
-            crop: intrinsics of a crop.
+        ``crop`` is the intrinsics of a crop. Raises ConfigError for a map of another camera.
         """
         top, left = self._corner(depth_mm.shape, crop)
         height, width = depth_mm.shape

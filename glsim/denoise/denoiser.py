@@ -130,10 +130,9 @@ class Denoiser:
         *,
         intrinsics: Intrinsics | None = None,
     ) -> Denoised:
-        """Denoise the next frame of a stream, with the help of the frames pushed before.
+        """Denoise the next frame of a stream, with the help of those before, as ``__call__``.
 
-        A denoiser that could use later frames gets none. A frame of another size begins a new
-        sequence; a refused frame does not change the stream. For the rest, see ``__call__``.
+        A frame of another size begins a new sequence; a refused frame does not change the stream.
         """
         frame = self._frame(depth_mm, infrared, intrinsics)
         if self._held and self._held[-1].shape != frame.shape:
@@ -148,9 +147,8 @@ class Denoiser:
     def estimate(
         self, noisy_mm: Depth, now: int = 0, infrared: NDArray[Any] | None = None
     ) -> Estimate:
-        """Denoise frame ``now`` of a sequence; the function gets copies, so it may change them.
+        """Denoise frame ``now`` of (T, H, W) measured depths, mm; no device is subtracted.
 
-        The sequence is (T, H, W) measured depth, mm, 0 = no return; no device is subtracted.
         Infrared is (H, W) counts. Raises DenoiserError for errors of the user's code, and if the
         result is not two images of the frame's size (three with an uncertainty).
         """

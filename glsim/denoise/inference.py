@@ -44,7 +44,7 @@ class TorchNetwork:
 
 def record_of(model: DepthModel, protocol: Any = "depth") -> NetworkRecord:
     """Make the record of a model that was trained under a protocol."""
-    return NetworkRecord(protocol, model.keep_clean, model.margin_px, model.unlikely)
+    return NetworkRecord(protocol, model.keep_clean, model.margin_px)
 
 
 def load_model(path: Path) -> tuple[DepthModel, NetworkRecord]:

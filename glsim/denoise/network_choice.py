@@ -22,19 +22,17 @@ WIDE: Final = "face-stereo"
 #: For noise that neighbours share a little, as that of Azure Kinects.
 SHARED: Final = "face-azure-kinect"
 #: Bounds of noise between neighbours, divided by that over 2 px (1 is white), and most noise
-#: between neighbours, mm, for SHARED. Measured on 40 sets of six heads: Azure Kinect and Femto Bolt
-#: 0.74 to 0.79 and 0.24 to 0.32 mm (a real one 0.73), where it is 6 to 15 % better than `face`;
-#: white models and Kinect V1 0.90 to 1.03, Kinect V2 0.36 to 0.48 (real 0.46): it is worse there.
+#: between neighbours, mm, for SHARED. Measured, 40 sets of heads: Azure Kinect and Femto Bolt 0.74
+#: to 0.79 and 0.24 to 0.32 mm (real 0.73); white noise 0.90 to 1.03, Kinect V2 0.36 to 0.48.
 _SHARED_RATIOS, _SHARED_MOST_MM = (0.62, 0.85), 0.5
 #: First words of the names of sensors of active stereo.
 _STEREO: Final = ("realsense", "truedepth", "oak")
 #: Largest number of maps on which both networks are tried, and side of their middle, px.
 _TRIED, _TRIED_PX = 4, 256
 #: WIDE is taken if what it takes away from surfaces has at least this correlation over _LAG_PX, and
-#: at least this multiple of the size of what SHIPPED takes away: then it is noise, which SHIPPED
-#: leaves, and not form. Measured: RealSense, two real and seven simulated recordings, 0.41 to 0.72
-#: and 2.3 to 6.5; TrueDepth 0.28 to 0.50 and 1.1 to 1.6; heads before a stereo camera whose noise
-#: is 2 px wide, of which WIDE takes the form, 0.25 and 2.7.
+#: at least this multiple of the size of what SHIPPED takes away: then it is noise, not form.
+#: Measured: RealSense, two real and seven simulated recordings, 0.41 to 0.72 and 2.3 to 6.5;
+#: TrueDepth 0.28 to 0.50 and 1.1 to 1.6; stereo with noise 2 px wide 0.25 and 2.7: form.
 _LEAST_CORRELATION, _LEAST_RATIO, _LAG_PX = 0.35, 2.2, 4
 #: Side of the windows of measured pixels in which the size is taken, px, and least number of them.
 _WINDOW_PX, _LEAST_WINDOWS = 11, 200
@@ -49,8 +47,7 @@ _SIZES: Final = {
 }
 #: Size of images -> RealSense sensor; for other sizes, the D435.
 _STEREO_SIZES: Final = {(640, 480): "realsense-d435-vga"}
-#: Largest depth in which a lattice is searched, in steps of the files. The search takes half a
-#: second; with steps of 1 mm, a lattice is found in depths above 1 m.
+#: Largest depth in which a lattice is searched, in steps of the files: it takes half a second.
 _SEARCHED_STEPS: Final = 12_000
 
 

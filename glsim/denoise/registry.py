@@ -118,15 +118,13 @@ def load_denoiser(
 
     Args:
         spec: ``name:key=value,...``, ``module:function:key=value,...`` (also file.py:...), or a
-            network file: best.pt and face.safetensors (need PyTorch), or face.onnx.
-            ``label@spec`` sets the name in tables.
+            network file (.pt and .safetensors need PyTorch). ``label@spec`` names it in tables.
         device: sensor file of ``glsim fit`` whose fixed pattern and wiggling are subtracted first.
         composite: see COMPOSITES; None returns networks' probability of depth.
         around: "face": denoise only around the nearest head, for live streams.
 
     Returns:
-        A function of (H, W) float or integer millimetres, 0 = no return, that returns ``Denoised``,
-        depth and the mask of depth. Its ``push`` takes the frames of a camera one by one.
+        See ``Denoiser.__call__``; its ``push`` takes the frames of a camera one by one.
 
     Raises:
         ConfigError: for an unknown name or parameter, and as ``Denoiser``.

@@ -96,20 +96,21 @@ def _cosine(z: Array, slope_x: Array, slope_y: Array, rays: Floats) -> Array:
         return np.asarray(z / (length * ray))
 
 
-def local_planes(values: Array, known: Mask, window: Array) -> tuple[Array, Array]:
+def local_planes(values: Array, known: Mask, window: Array) -> tuple[Array, Array, Array]:
     """Fit a plane to the known values around every pixel.
 
     ``values`` and ``known`` are (H, W). ``window`` holds (2 n + 1,) weights along rows and along
-    columns. Returns the plane at its centre pixel, (H, W), and the known share of the weights.
+    columns. Returns the plane at its centre pixel, the standard deviation of the values from it,
+    and the known share of the weights, (H, W) each.
     """
     away = np.arange(len(window)) - len(window) // 2
     powers = [window / window.sum() * away**power for power in range(3)]
     offset = float(values[known].mean())
-    ones, d = known.astype(np.float32), np.where(known, values - offset, 0.0).astype(np.float32)
+    ones, d = known.astype(np.float64), np.where(known, values - offset, 0.0)
 
-    def moment(image: Floats, x: int, y: int) -> Array:
+    def moment(image: Array, x: int, y: int) -> Array:
         border = cv2.BORDER_CONSTANT
-        total = cv2.sepFilter2D(image, cv2.CV_32F, powers[x], powers[y], borderType=border)
+        total = cv2.sepFilter2D(image, cv2.CV_64F, powers[x], powers[y], borderType=border)
         return np.asarray(total, np.float64) / weight
 
     weight: Array = np.ones(values.shape)
@@ -120,4 +121,6 @@ def local_planes(values: Array, known: Mask, window: Array) -> tuple[Array, Arra
     xd, yd = moment(d, 1, 0) - mean_x * mean, moment(d, 0, 1) - mean_y * mean
     scale = np.maximum(xx * yy - xy * xy, 1e-9)
     slope_x, slope_y = (xd * yy - yd * xy) / scale, (yd * xx - xd * xy) / scale
-    return offset + mean - slope_x * mean_x - slope_y * mean_y, weight
+    square = moment(d * d, 0, 0) - mean * mean - slope_x * xd - slope_y * yd
+    plane = offset + mean - slope_x * mean_x - slope_y * mean_y
+    return plane, np.sqrt(np.maximum(square, 0.0)), weight

@@ -16,7 +16,6 @@ from glsim.core.array_types import Depth, Mask, Probability
 from glsim.core.depth_map import MEASURED_STEP, around
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.networks.interface import MIN_DEPTH_MM
-from glsim.networks.record import UNLIKELY
 
 #: Ways to turn a soft validity into a depth map: name -> meaning.
 COMPOSITES: Final = {
@@ -31,6 +30,9 @@ DEFAULT_COMPOSITE: Final = "measured"
 
 #: A pixel is doubtful if its probability of depth is at most this.
 DOUBT: Final = 0.5
+#: Pixels beside holes are removed up to this probability. Chosen: `face` and `face-azure-kinect`
+#: then lose at most 5 % of the outermost right pixels of bare heads (docs/howto/denoise.md).
+UNLIKELY: Final = 0.17
 #: Radius of the neighbourhood of a pixel, and width of the widest hole that is filled, px.
 REACH_PX: Final = 2
 #: A doubtful pixel counts as part of a surface if this number of the 24 pixels around it are sure
@@ -86,23 +88,16 @@ def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm
 
 def _unlikely(probability: Mask | Probability, noisy_mm: Depth) -> Mask:
     """Mark measured pixels beside a hole to which the network gives a low probability of depth."""
-    side = 2 * BESIDE_PX + 1
-    holes = (noisy_mm == 0).astype(np.uint8)
-    beside = cv2.dilate(holes, np.ones((side, side), np.uint8), borderValue=0) > 0
     # The safeguards set 0 where the choice of surface is uncertain, not where depth is missing.
     doubted = (probability > 0) & (probability <= UNLIKELY)
-    return np.asarray((noisy_mm > 0) & beside & doubted)
+    return np.asarray((noisy_mm > 0) & beside_holes(noisy_mm) & doubted)
 
 
-def calibrated(probability: Probability, unlikely: float) -> Probability:
-    """Rescale a network's float32 probabilities so that its bound becomes UNLIKELY.
-
-    The bound ``unlikely`` is in (0, 1/2). The order of probabilities stays, and so do 0, 1/2 and 1.
-    """
-    if unlikely == UNLIKELY:
-        return probability
-    moved = np.interp(probability, (0, unlikely, DOUBT, 1), (0, UNLIKELY, DOUBT, 1))
-    return moved.astype(np.float32)
+def beside_holes(noisy_mm: Depth) -> Mask:
+    """Mark the (H, W) pixels within BESIDE_PX of a hole, with the holes."""
+    side = 2 * BESIDE_PX + 1
+    holes = (noisy_mm == 0).astype(np.uint8)
+    return np.asarray(cv2.dilate(holes, np.ones((side, side), np.uint8), borderValue=0) > 0)
 
 
 def _on_surface(noisy_mm: Depth, asked: Mask, sure: Mask) -> Mask:

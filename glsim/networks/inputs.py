@@ -13,7 +13,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.array_types import Floats
+from glsim.core.array_types import Depth, Floats
 
 #: Largest number of neighbours on each side. Chosen: noise falls with the root of their number.
 MAX_NEIGHBOURS: Final = 4
@@ -65,11 +65,7 @@ def stack_inputs(
 ) -> Floats:
     """Stack depth and neighbours in time of a frame as a network's input.
 
-    Args:
-        depth_mm: (H, W) depth of the frame, 0 = no return.
-        before_mm: earlier frames, the latest first; surplus frames are ignored.
-        after_mm: later frames, the next frame first; surplus frames are ignored.
-
+    Earlier frames begin with the latest, later ones with the next; surplus frames are ignored.
     Returns (C, H, W) float32.
     """
     stack = np.zeros((inputs.channels, *depth_mm.shape), np.float32)
@@ -79,3 +75,14 @@ def stack_inputs(
         for place, neighbour in zip(parts.get(name, ()), given, strict=False):
             place[:] = neighbour
     return stack
+
+
+def past_mean(depths_mm: Depth, threshold_mm: float) -> Depth:
+    """Average the last of (T, H, W) frames, mm, with earlier ones until a pixel's depth changes."""
+    here = depths_mm[-1]
+    total, count, still = here.copy(), np.ones_like(here), here > 0
+    for past in depths_mm[-2::-1]:
+        still &= (past > 0) & (np.abs(past - here) <= threshold_mm)
+        total[still] += past[still]
+        count[still] += 1
+    return np.asarray(total / count)

@@ -10,19 +10,18 @@ import numpy as np
 from glsim.core.array_types import Depth, Floats, Mask, Probability
 from glsim.core.depth_map import FLYING_MM
 from glsim.core.errors import DenoiserError
-from glsim.networks.composites import calibrated
-from glsim.networks.inputs import NetworkInputs, stack_inputs
+from glsim.networks.composites import UNLIKELY
+from glsim.networks.flat_surfaces import held_to_planes
+from glsim.networks.inputs import NetworkInputs, past_mean, stack_inputs
 from glsim.networks.interface import MIN_DEPTH_MM, DepthFunction
-from glsim.networks.past_mean import past_mean
-from glsim.networks.record import UNLIKELY, NetworkRecord
+from glsim.networks.record import NetworkRecord
 from glsim.networks.safeguards import clean_noise_mm, estimate_noise_mm, trusted_mask
 from glsim.networks.tiles import box_around, run_tiled
 
-#: Frames are padded with holes, right and below, to multiples of this, px: the shipped
-#: architectures halve the size three or four times, and an ONNX graph cannot pad.
+#: Frames are padded with holes to multiples of this, px: networks halve sizes up to four times.
 SIZE_MULTIPLE_PX: Final = 16
-#: A pixel moves if its depth changes between frames by at least this multiple of the frame's noise,
-#: and by at least _LEAST_MOTION_MM. Chosen: noise alone changes depth by 1.4 standard deviations.
+#: A pixel moves if its depth changes by at least this multiple of the frame's noise, and by
+#: _LEAST_MOTION_MM. Chosen: noise alone changes depth by 1.4 standard deviations.
 _MOTION_NOISES: Final = 5.0
 _LEAST_MOTION_MM: Final = 3.0
 
@@ -44,10 +43,9 @@ class NetworkFunction(DepthFunction):
 
     Attributes:
         earlier: number of earlier frames that the network sees; frames may be missing.
-        average: where nothing moves, the network sees the mean of this number of past frames,
-            including the denoised frame.
+        average: where nothing moves, the network sees the mean of this number of past frames.
         mirror: whether outputs are averaged with those of the frame's mirror image.
-        protocol, keep_clean, margin_px, unlikely: see ``NetworkRecord``.
+        protocol, keep_clean, margin_px: see ``NetworkRecord``.
     """
 
     def __init__(self, network: Runner, name: str, min_probability: float = 0.0) -> None:
@@ -60,7 +58,7 @@ class NetworkFunction(DepthFunction):
         self.earlier, self.after = network.inputs
         self.before, self.average, self.mirror = self.earlier, 1, False
         self.uncertain = "sigma_mm" in network.outputs
-        self.protocol, self.keep_clean, self.margin_px, self.unlikely = network.record
+        self.protocol, self.keep_clean, self.margin_px = network.record
 
     def configure(self, earlier: int, average: int, mirror: bool, keep_clean: bool | None) -> None:
         """Set ``earlier``, ``average``, ``mirror`` and, unless it is None, ``keep_clean``."""
@@ -74,11 +72,11 @@ class NetworkFunction(DepthFunction):
     ) -> tuple[Depth, Mask | Probability] | tuple[Depth, Mask | Probability, Depth]:
         """Denoise frame ``now`` of a sequence.
 
-        With a probability of depth, ``glsim.networks.safeguards`` apply: frames without noise are
-        returned unchanged if ``keep_clean``, and pixels outside ``trusted_mask`` have probability
-        0, measured ones if their probability is above UNLIKELY. A bool mask stands for the
-        probability if ``min_probability`` is set or the network codes "no depth" as 0. Raises
-        DenoiserError if the network returns NaN or infinity. Arguments as of ``DepthFunction``.
+        With a probability of depth, safeguards apply: frames without noise come back unchanged if
+        ``keep_clean``, pixels outside ``trusted_mask`` have probability 0, measured ones if theirs
+        is above UNLIKELY, and walls are ``held_to_planes``. A mask stands for the probability if
+        ``min_probability`` is set or the network codes "no depth" as 0. Raises DenoiserError if the
+        network returns NaN or infinity. Arguments as of ``DepthFunction``.
         """
         frames = np.where(valid, noisy_mm, 0)
         if self.average > 1:
@@ -98,13 +96,14 @@ class NetworkFunction(DepthFunction):
             sigma_mm = np.full_like(frame, noise_mm) if self.uncertain else None
             return self._result(frame, measured, sigma_mm)
         # Runtimes compute the sigmoid with errors of some 1e-7, on either side of 1.
-        probability = calibrated(np.clip(outputs["probability"], 0.0, 1.0), self.unlikely)
+        probability = np.clip(outputs["probability"], 0.0, 1.0)
         # An unlikely measured pixel keeps its probability; it is not doubtful between two surfaces.
         unlikely = (frame > 0) & (probability <= UNLIKELY)
         probability *= unlikely | trusted_mask(frame, outputs.get("risk_mm"))
         if self._min_probability and "choice" in outputs:
             probability *= outputs["choice"]
-        return self._result(np.maximum(depth_mm, 0), self._validity(probability), sigma_mm)
+        depth_mm, probability = held_to_planes(np.maximum(depth_mm, 0), probability, frame)
+        return self._result(depth_mm, self._validity(probability), sigma_mm)
 
     def _result(
         self, depth_mm: Depth, valid: Mask | Probability, sigma_mm: Depth | None

@@ -23,7 +23,6 @@ from glsim.core.array_types import Depth
 from glsim.core.depth_protocol import check_protocol
 from glsim.core.errors import ConfigError, DenoiserError
 from glsim.core.files.regular import read_regular
-from glsim.networks.composites import DOUBT
 from glsim.networks.inputs import AFTER, BEFORE, DEPTH, NetworkInputs
 from glsim.networks.network import NetworkFunction, Runner
 from glsim.networks.record import DEFAULT_RECORD, NetworkRecord
@@ -200,10 +199,8 @@ def _record(text: Mapping[str, str]) -> NetworkRecord:
     given = {name: text.get(f"{_PREFIX}{name}", default) for name, default in known}
     protocol = check_protocol(str(given["protocol"]), "protocol")
     assert protocol is not None
-    record = NetworkRecord(
-        protocol, bool(int(given["keep_clean"])), int(given["margin_px"]), float(given["unlikely"])
-    )
-    if record.margin_px < DEFAULT_RECORD.margin_px or not 0 < record.unlikely < DOUBT:
+    record = NetworkRecord(protocol, bool(int(given["keep_clean"])), int(given["margin_px"]))
+    if record.margin_px < DEFAULT_RECORD.margin_px:
         raise ValueError(f"has the settings {', '.join(f'{k}={v}' for k, v in text.items()):.60}")
     return record
 

@@ -11,11 +11,6 @@ from glsim.core.depth_protocol import DepthProtocol
 #: up to 0.1 mm. face-stereo, of five scales, needs 80 px (0.002 mm): with 48 px depth differs by
 #: 0.1 mm, and by 80 mm where it chooses the other surface.
 AROUND_PX: Final = 48
-#: Pixels beside holes are removed up to this probability of depth. Chosen: the network
-#: of a Kinect V2 then loses at most 5 % of the outermost right pixels of either decoder's frames
-#: (docs/howto/denoise.md). If a network has another bound, its probabilities are rescaled: see
-#: ``glsim.networks.composites.calibrated``.
-UNLIKELY: Final = 0.17
 
 
 class NetworkRecord(NamedTuple):
@@ -26,14 +21,11 @@ class NetworkRecord(NamedTuple):
         keep_clean: whether frames without noise are returned unchanged: those whose noise rounding
             and the form of surfaces explain (``glsim.networks.safeguards``).
         margin_px: holes around depth that the network still sees, px.
-        unlikely: pixels beside holes are dropped if their probability of depth is at most this, by
-            the composite "measured" (UNLIKELY).
     """
 
     protocol: DepthProtocol = "depth"
     keep_clean: bool = True
     margin_px: int = AROUND_PX
-    unlikely: float = UNLIKELY
 
 
 #: The record of a file that has no record.

@@ -11,29 +11,24 @@ import numpy as np
 from glsim.core.array_types import Array, Depth, Mask
 from glsim.core.depth_map import JUMP_MM
 
-#: A frame in whole millimetres is clean, and is returned unchanged, if its estimated noise is below
-#: both bounds, mm: the first between adjacent pixels, the second between every other pixel.
-#: Measured: 656 simulated frames without noise have at most 0.312 and 0.551; 500 frames with white
-#: noise at least 0.354; 96 with smooth noise at least 0.29 and 0.559. Finer steps: bounds in steps.
+#: A frame in whole millimetres is clean, and is returned unchanged, if its noise between adjacent
+#: and between every other pixel is below these bounds, mm. Measured: 656 simulated frames without
+#: noise at most 0.312 and 0.551; 500 with white noise at least 0.354; 96 with smooth noise at least
+#: 0.29 and 0.559. Finer steps: bounds in steps.
 CLEAN_MM: Final = (0.33, 0.56)
-#: A frame of finer steps above these bounds is clean, too, if only the form of surfaces causes its
-#: estimate. A bend grows faster with the distance of the compared pixels than noise does: the
-#: estimate between every fourth pixel, divided by the estimate between adjacent pixels (both
-#: without rounding), must be at least this ratio; pairs of (largest step in mm, ratio). Measured on
-#: heads without noise at 0.25 to 2 m, 144 frames each: at least 7.2 unrounded, 5.6 in steps of 0.1
-#: mm, 3.84 in steps of 0.2 mm. Two TrueDepth cameras (0.1 mm): boards at most 3.5 (24 frames),
-#: simulated heads 3.5 to 5.1.
+#: A frame of finer steps above these bounds is clean, too, if only form causes its estimate, which
+#: grows faster with the distance of the compared pixels than noise does: between every fourth pixel
+#: it must be at least this multiple of that between adjacent ones (without rounding); pairs of
+#: (largest step in mm, multiple). Measured on 144 heads each without noise at 0.25 to 2 m: at least
+#: 7.2 unrounded, 5.6 in steps of 0.1 mm, 3.84 in steps of 0.2 mm; TrueDepth: boards at most 3.5.
 FORM_GROWTH: Final = ((0.1, 5.2), (1.0, 3.8))
-#: A frame in whole millimetres below the bounds CLEAN_MM is noisy if its steps are dithered: noise
-#: smaller than a step moves single pixels by a step. The test takes all pixels whose two neighbours
-#: in a row or column have equal depths, and counts the pixels with another depth. On clean surfaces
-#: these are on ridges and in valleys, so that their number N grows with the side of the image;
-#: under noise they are everywhere, and N grows with its area. A frame is dithered if N / S and N /
-#: S times the share of counted pixels exceed these bounds; S is the root of the number of measured
-#: pixels. Measured on 254 clean maps at 0.4 to 3.5 m: N / S is at most 2.0 for heads and rooms, and
-#: 3.5 for dressed people, whose second number is at most 0.24; with hair of strands, 3.1 where the
-#: second number is more. Noisy maps (31 of
-#: azure-kinect at 0.4 to 1.5 m, 10 of truedepth at 0.4 and 0.6 m): at least 3.6 and 0.35.
+#: A frame in whole millimetres below the bounds CLEAN_MM is noisy if noise smaller than a step
+#: moves single pixels by a step: of all pixels between two equal depths, in a row or column, N have
+#: another. On clean surfaces these are ridges and valleys, and N grows with the side of the image,
+#: under noise with its area. A frame is dithered if N / S and N / S times the share of such pixels
+#: exceed these bounds; S is the root of the number of measured pixels. Measured: N / S of 254 clean
+#: maps at most 2.0, dressed people 3.5 (second number at most 0.24), strands of hair 3.1; of 41
+#: noisy ones of azure-kinect and truedepth at least 3.6 and 0.35.
 DITHER_SIDE, DITHER_DENSITY = 3.3, 0.3
 #: The test for dither applies to maps with at least this step, mm.
 DITHER_LEAST_MM: Final = 0.9

@@ -1,7 +1,4 @@
-"""Parts of a frame for a network: around its depth, its nearest head, tiles of a large frame.
-
-Measured: the shipped network takes 1.2 kB a pixel with OpenCV, and half of that with onnxruntime.
-"""
+"""Parts of a frame for a network: around its depth, its nearest head, tiles of a large frame."""
 
 from __future__ import annotations
 
@@ -16,29 +13,26 @@ from glsim.core.array_types import Depth, Mask
 from glsim.core.depth_map import FLYING_MM, NEIGHBOURS
 from glsim.networks.record import AROUND_PX
 
-#: Side of a tile, px. Chosen: frames of depth cameras (1024 x 1024 and less) are never divided.
+#: Side of a tile, px. Chosen: frames of depth cameras (1024 x 1024 and less) are never divided. The
+#: shipped network takes 1.2 kB a pixel with OpenCV, and half of that with onnxruntime.
 TILE_PX: Final = 1024
 #: Width of the borders of a tile that are discarded, px. Derived: the shipped network sees 122 px
 #: to each side (features 36, convolutions 62, mean correction 24). face-stereo sees farther: its
 #: depth differs by at most 0.0005 mm (848 x 480 pixels of an office, tiles of 448).
-#: A multiple of 16, as TILE_PX, since networks halve the size up to four times.
 MARGIN_PX: Final = 128
-#: Corners of boxes are at multiples of this, px: networks halve the size up to four times.
+#: Corners of boxes, and tiles, are at multiples of this, px: networks halve sizes up to four times.
 GRID_PX: Final = 16
 
 #: Height and width of the denoised part, mm. A head of the 99th percentile is 255 mm high (ANSUR
 #: II, stature minus chin height) and 165 mm wide; the rest is for hair and turned heads.
 HEAD_MM: Final = (280.0, 220.0)
-#: Focal length over the width of the image: Kinect V2 0.71, Azure Kinect 0.79, D435 0.60 to 0.67,
-#: TrueDepth 0.68. With a wrong value, the box is a little too large or too small.
+#: Focal length over the width of the image: Kinect V2 0.71, Azure 0.79, D435 0.60, TrueDepth 0.68.
 FOCAL_SHARE: Final = 0.7
-#: Smallest area of a person: as a share of the box HEAD_MM at its distance, and in coarse pixels.
-#: Smaller pieces are hands or noise. Chosen: up to 5 m, a face is larger.
+#: Smallest area of a person (not of hands): share of the box HEAD_MM, and coarse pixels. Chosen.
 _LEAST_SHARE, _LEAST_PX = 0.15, 20
 #: Heads are searched in frames reduced by this factor.
 _COARSE_PX: Final = 4
-#: Margin around the head's box that is denoised, too, px. Chosen: with it, cutting out the box
-#: changes no depth of the head by more than 0.1 mm.
+#: Denoised margin of the head's box, px. Chosen: the head's depth then differs by at most 0.1 mm.
 _HEAD_MARGIN_PX: Final = 32
 
 #: Rows and columns of a part of a frame.

@@ -62,7 +62,7 @@ def test_with_the_mirror_image_left_and_right_are_treated_alike() -> None:
             denoiser.estimate(noisy[None]).depth_mm for noisy in (frame, frame[:, ::-1].copy())
         )
         unlike.append(np.mean(np.abs(depth_mm - mirrored_mm[:, ::-1])[some] > 0.01))
-    assert unlike[0] > 0.5
+    assert unlike[0] > 0.1, "walls are held to planes"
     assert unlike[1] < 0.001, "but for pixels of which the mirror image chooses another surface"
 
 

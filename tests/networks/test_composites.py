@@ -5,16 +5,10 @@ import numpy as np
 import pytest
 
 from glsim.core.array_types import Depth
-from glsim.core.camera import Intrinsics
-from glsim.core.files.png import read_image
 from glsim.denoise.denoiser import Denoiser
-from glsim.denoise.registry import load_denoiser
-from glsim.measures.silhouettes import find_edges
 from glsim.networks.composites import BESIDE_PX, composed
 from glsim.networks.interface import Denoised
 from glsim.networks.network import NetworkFunction
-from tests.support.planted_frames import frames_of
-from tests.support.real_cameras import REAL_KINECT_V2, needs_real_kinect_v2
 from tests.support.runners import Runs
 
 HEAD_MM, WALL_MM = 900.0, 1500.0
@@ -149,28 +143,6 @@ def test_no_pixel_appears_in_a_shadow() -> None:
     hard = composed(Denoised(depth, probability), noisy, "hard")
     assert (few_neighbours(hard) & (noisy == 0)).sum() > 20
     assert not measured(depth, probability, noisy)[noisy == 0].any()
-
-
-@pytest.mark.long
-@needs_real_kinect_v2
-def test_real_frames_keep_their_silhouettes_and_shadows() -> None:
-    network = load_denoiser("face")
-    lost = {"hard": np.zeros(2), "measured": np.zeros(2)}
-    noisy = read_image(REAL_KINECT_V2 / "0030_depth.png").astype(np.float32)
-    camera = Intrinsics(512, 424, 364.961, 365.641, 256.189, 202.049)
-    edges = find_edges(frames_of("real", [noisy], camera=camera)[0])
-    estimate = network.estimate(noisy[None])
-    for composite, total in lost.items():
-        out = estimate.composite(composite)
-        for ring in range(2):
-            column = edges.column + np.where(edges.side == 1, -ring, ring)
-            total[ring] += (out[edges.row, column] == 0).mean()
-        if composite == "measured":
-            assert not (few_neighbours(out) & (noisy == 0)).any()
-            assert ((out > 0) & (noisy == 0)).sum() < 0.05 * (noisy == 0).sum()
-    assert lost["measured"][0] < 0.05
-    assert lost["measured"][1] < 0.01
-    assert lost["measured"][0] <= lost["hard"][0]
 
 
 def test_a_networks_probability_is_cut_to_0_and_1() -> None:

@@ -15,13 +15,13 @@ from glsim.networks.record import NetworkRecord
 from glsim.train.models.registry import build_model
 from glsim.train.onnx_export import export_onnx
 
-RECORD = NetworkRecord(protocol="paper", keep_clean=False, margin_px=80, unlikely=0.3)
+RECORD = NetworkRecord(protocol="paper", keep_clean=False, margin_px=80)
 
 
 @pytest.fixture(scope="module")
 def trained(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Write a checkpoint whose settings all differ from the defaults."""
-    table = {"kind": "mask_aware", "keep_clean": False, "unlikely": 0.3}
+    table = {"kind": "mask_aware", "keep_clean": False}
     table |= {"backbone": {"kind": "small_unet", "width": 4, "scales": 5, "growth": 0.0}}
     content: dict[str, Any] = {"recipe": {"model": table}, "model": build_model(table).state_dict()}
     content |= {"progress": {}, "validation": {}, "data": {"protocol": "paper"}}
@@ -39,7 +39,7 @@ def test_every_file_of_a_network_has_its_record(trained: Path, suffix: str) -> N
     elif suffix == ".safetensors":
         checkpoint.export_safetensors(trained, path)
     network: Any = load_denoiser(str(path)).function
-    found = (network.protocol, network.keep_clean, network.margin_px, network.unlikely)
+    found = (network.protocol, network.keep_clean, network.margin_px)
     assert found == RECORD
     plane = np.full((1, 64, 64), 800, np.float32)
     for option, kept in (("", False), (":keep_clean=0", False), (":keep_clean=1", True)):
@@ -57,7 +57,7 @@ def test_a_network_of_more_scales_sees_farther(scales: int, margin_px: int) -> N
 def test_the_shipped_networks_and_files_without_a_record() -> None:
     for name, record in (
         ("face", NetworkRecord()),
-        ("face-azure-kinect", NetworkRecord(unlikely=0.3)),
+        ("face-azure-kinect", NetworkRecord()),
         ("face-stereo", NetworkRecord(keep_clean=False, margin_px=80)),
     ):
         path = shipped_file(name)
@@ -65,9 +65,7 @@ def test_the_shipped_networks_and_files_without_a_record() -> None:
     assert record_entries(NetworkRecord()) == {}, "files of older versions keep their bytes"
 
 
-@pytest.mark.parametrize(
-    "bad", [{"margin_px": "-9"}, {"margin_px": "ab"}, {"unlikely": "0.5"}, {"protocol": "other"}]
-)
+@pytest.mark.parametrize("bad", [{"margin_px": "-9"}, {"margin_px": "ab"}, {"protocol": "other"}])
 def test_a_damaged_record_is_refused(tmp_path: Path, bad: dict[str, str]) -> None:
     path = shipped_file("face")
     model = onnx.load(path)

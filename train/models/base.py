@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from glsim.networks.inputs import DEPTH_ALONE, NetworkInputs
-from glsim.networks.record import AROUND_PX, UNLIKELY
+from glsim.networks.record import AROUND_PX
 from glsim.train.models.backbone import Backbone
 
 
@@ -49,13 +49,12 @@ class DepthModel(nn.Module):
 
     The input is (B, C, H, W) float32, unscaled: depth in millimetres, 0 = no return, and the
     further ``inputs`` (see ``glsim.networks.inputs``). ``glsim.networks.record.NetworkRecord``
-    explains ``keep_clean``, ``margin_px`` and ``unlikely``.
+    explains ``keep_clean`` and ``margin_px``.
     """
 
     inputs: NetworkInputs = DEPTH_ALONE
     keep_clean: bool = True
     margin_px: int = AROUND_PX
-    unlikely: float = UNLIKELY
 
     def forward(self, noisy_mm: Tensor) -> Prediction:
         """Denoise a batch, (B, C, H, W) float32."""

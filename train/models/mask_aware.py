@@ -19,7 +19,6 @@ from torch import Tensor, nn
 
 from glsim.core.errors import ConfigError
 from glsim.networks.inputs import AFTER, BEFORE, DEPTH, MAX_NEIGHBOURS, NetworkInputs
-from glsim.networks.record import UNLIKELY
 from glsim.train.models.backbone import Backbone, init_zero
 from glsim.train.models.base import DepthModel, Prediction
 from glsim.train.models.extra_features import extra_channels, mean_over_time, neighbour_features
@@ -79,8 +78,7 @@ class MaskAware(DepthModel):
     a channel per filter and 5 others (2 more with ``surfaces``) to a gain per filter and 2 others
     (1 more with ``uncertainty``, 4 more with ``surfaces``). The buffer ``sigma_scale`` multiplies
     sigma, see `calibrate`. ``keep_clean=False`` is for cameras whose noise looks like the form of
-    surfaces, and so like frames without noise. ``unlikely`` was chosen by counting wrong pixels
-    beside simulated heads (docs/howto/denoise.md).
+    surfaces, and so like frames without noise.
     """
 
     sigma_scale: Tensor
@@ -94,10 +92,9 @@ class MaskAware(DepthModel):
         after: Neighbours = 0,
         filters: Filters = FILTERS,
         keep_clean: bool = True,
-        unlikely: Annotated[float, Field(gt=0, lt=0.5)] = UNLIKELY,
     ) -> None:
         super().__init__()
-        self.keep_clean, self.margin_px, self.unlikely = keep_clean, backbone.margin_px, unlikely
+        self.keep_clean, self.margin_px = keep_clean, backbone.margin_px
         self.filters = filters
         self.inputs = NetworkInputs(before, after)
         self.backbone = backbone

@@ -250,7 +250,7 @@ def _smoothed(depth_mm: NDArray[np.float32], known: Mask, sigma_px: float) -> Ar
         part = np.s_[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
         inside = mask[part]
         d = np.where(inside, MM_PER_M / np.where(inside, depth_mm[part], 1.0), 0.0)
-        fitted, near = local_planes(d, inside, gaussian)
+        fitted, _, near = local_planes(d, inside, gaussian)
         dense = share[part] * (near > _LEAST_NEIGHBOURS)
         total[part] += dense * fitted
         weight[part] += dense

@@ -53,7 +53,7 @@ def pattern_map(mean_mm: Array, used: Mask) -> NDArray[np.float32]:
     if not used.any():
         return np.full(used.shape, np.nan, np.float32)
     inverse = np.where(used, MM_PER_M / np.where(used, mean_mm, 1.0), 0.0)  # linear on a plane
-    plane, share = local_planes(inverse, used, np.ones(MAP_WINDOW_PX))
+    plane, _, share = local_planes(inverse, used, np.ones(MAP_WINDOW_PX))
     enough = used & (share >= _LEAST_WINDOW)
     residual = (plane - inverse) * mean_mm**2 / MM_PER_M
     enough &= np.abs(residual) <= LARGEST_MM

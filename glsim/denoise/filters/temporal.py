@@ -8,8 +8,8 @@ import numpy as np
 
 from glsim.core.array_types import Depth, Mask
 from glsim.denoise.parameters import parameter
+from glsim.networks.inputs import past_mean
 from glsim.networks.interface import Denoised, DepthFunction
-from glsim.networks.past_mean import past_mean
 
 
 @dataclass
