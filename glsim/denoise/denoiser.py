@@ -54,9 +54,8 @@ class Denoiser:
     """A loaded denoiser of depth maps, as ``glsim.load_denoiser`` returns it.
 
     Attributes:
-        label: name of the denoiser in tables.
+        label, version: name in tables; a text that changes if the denoiser's file changes.
         before, after, protocol: as of ``DepthFunction``.
-        version: a text that changes if the denoiser's file changes.
         device: calibration that is subtracted from maps of ``__call__`` and ``push``; None: none.
         composite: one of COMPOSITES, for a probability of depth. None: the probability is returned.
     """

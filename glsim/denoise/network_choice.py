@@ -27,7 +27,7 @@ SHARED: Final = "face-azure-kinect"
 _SHARED_RATIOS, _SHARED_MOST_MM = (0.62, 0.85), 0.5
 #: First words of the names of sensors of active stereo.
 _STEREO: Final = ("realsense", "truedepth", "oak")
-#: Largest number of maps on which both networks are tried, and side of their middle, px.
+#: Number of maps on which both networks are tried, and side of their middle, px.
 _TRIED, _TRIED_PX = 4, 256
 #: WIDE is taken if what it takes away from surfaces has at least this correlation over _LAG_PX, and
 #: at least this multiple of the size of what SHIPPED takes away: then it is noise, not form.

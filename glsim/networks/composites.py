@@ -70,11 +70,10 @@ def composed(
 def measured_surfaces(depth_mm: Depth, probability: Mask | Probability, noisy_mm: Depth) -> Depth:
     """Compute the composite "measured": depth where the input has depth, small holes closed.
 
-    A measured pixel beside a hole is removed if it is unlikely (UNLIKELY). Another doubtful pixel
-    stays if it is part of a surface (LEAST_SURE, LEAST_PATCH). It gets its denoised depth if this
-    is on the same surface, else its measured depth. A hole of at most REACH_PX inside the image is
-    filled if the denoiser is sure and all depths around are on one surface. The probability is 0
-    where ``glsim.networks.safeguards`` reject the depth. Depths are (H, W) mm, 0 = none.
+    A measured pixel beside a hole is removed if it is UNLIKELY. Another doubtful pixel stays if it
+    is part of a surface (LEAST_SURE, LEAST_PATCH), with its denoised depth if this is on the same
+    surface, else its measured depth. A hole of at most REACH_PX inside the image is filled if the
+    denoiser is sure and all depths around are on one surface. Depths are (H, W) mm, 0 = none.
     """
     measured = noisy_mm > 0
     sure = probability > DOUBT

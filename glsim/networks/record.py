@@ -7,9 +7,8 @@ from typing import Final, NamedTuple
 from glsim.core.depth_protocol import DepthProtocol
 
 #: Holes around depth that a network still sees, px. Measured: with 48 px the shipped networks give
-#: the depth of the whole frame to 0.004 mm, and probabilities to 1e-4; with 32 px depth differs by
-#: up to 0.1 mm. face-stereo, of five scales, needs 80 px (0.002 mm): with 48 px depth differs by
-#: 0.1 mm, and by 80 mm where it chooses the other surface.
+#: the depth of the whole frame to 0.004 mm, and probabilities to 1e-4; with 32 px to 0.1 mm.
+#: face-stereo, of five scales, needs 80 px (0.002 mm; with 48 px it chooses other surfaces).
 AROUND_PX: Final = 48
 
 
@@ -18,8 +17,7 @@ class NetworkRecord(NamedTuple):
 
     Attributes:
         protocol: depth protocol of its training.
-        keep_clean: whether frames without noise are returned unchanged: those whose noise rounding
-            and the form of surfaces explain (``glsim.networks.safeguards``).
+        keep_clean: whether frames are returned unchanged that ``clean_noise_mm`` finds clean.
         margin_px: holes around depth that the network still sees, px.
     """
 
