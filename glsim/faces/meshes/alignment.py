@@ -360,8 +360,8 @@ def _unit_of(fit: FaceFit | None, extent: float, unit: str, doubts: list[str]) -
     metric = min(DETECTED_UNITS, key=lambda name: _ratio(UNITS_MM[name], fit.mm_per_unit))
     if not normalised and (ratio := _ratio(UNITS_MM[metric], fit.mm_per_unit)) < METRIC_RATIO:
         if ratio > FACE_RATIO:
-            size = UNITS_MM[metric] / fit.mm_per_unit
-            doubts.append(f"with unit {metric} the face is {size:.2g} times as large as a mean one")
+            size = f"{UNITS_MM[metric] / fit.mm_per_unit:.2g} times as large as a mean one"
+            doubts.append(f"with unit {metric} the face is {size}")
         return metric, UNITS_MM[metric]
     if not normalised and _ratio(UNITS_MM["foot"], fit.mm_per_unit) < FACE_RATIO:
         doubts.append("the unit foot is found by the size of the face alone")
