@@ -22,6 +22,7 @@ from typing import Final
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import AtomicFile, to_json, wrap_write_errors, write_atomic
+from glsim.data.disk_format import HEADER
 from glsim.data.worker_processes import available_workers, run_tasks
 from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.registry import load_denoiser
@@ -103,6 +104,8 @@ def evaluate(
 
 def _check_owner(out: Path, scored: str) -> None:
     """Note what is scored in a folder. Raises ConfigError if it has the scores of other frames."""
+    if (out / HEADER).is_file():
+        raise ConfigError(f"{out}: is a data set: name another folder by -o")
     note = out / ".blocks" / "scored"
     owner = note.read_text() if note.is_file() else scored
     if owner != scored:

@@ -12,6 +12,8 @@ from functools import partial
 from pathlib import Path
 from typing import Literal, NamedTuple
 
+import numpy as np
+
 from glsim.core.camera import DEFAULT_INTRINSICS
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames
 from glsim.core.depth_protocol import MEANING, DepthProtocol
@@ -148,6 +150,10 @@ def _checked(frame: DepthFrame, *, in_mm: bool = True) -> DepthFrame:
     for layer, depth in (("clean", clean), ("noisy", noisy)):
         if in_mm:
             check_millimetres(depth, f"{frame.name} ({layer})")
+    both = (clean > 0) & (noisy > 0)
+    ratio = float(np.median(noisy[both] / clean[both])) if both.any() else 1.0
+    if in_mm and not 0.5 < ratio < 2.0:
+        raise DatasetError(f"{frame.name}: noisy is {ratio:.3g} times clean: are units the same?")
     return frame
 
 

@@ -51,5 +51,6 @@ def adapt(
     done = adapt_network(frames.read(), out, network, steps, seed, print_message)
     print_message(
         f"wrote {out}: a held-back still frame lies {done.after_mm:.2f} mm from the other's mean "
-        f"after {done.steps} steps, by {network} {done.before_mm:.2f}, raw {done.raw_mm:.2f}"
+        f"after {done.steps} steps, by {network} {done.before_mm:.2f}, raw {done.raw_mm:.2f}; "
+        "errors that stay in all frames are not seen by this and may remain"
     )

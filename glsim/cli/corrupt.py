@@ -20,7 +20,7 @@ from glsim.cli.common import (
     print_message,
     two_numbers,
 )
-from glsim.core.errors import DatasetError
+from glsim.core.errors import ConfigError, DatasetError
 
 if TYPE_CHECKING:
     from glsim.core.depth_frame import DepthFrame
@@ -70,6 +70,9 @@ def corrupt(
     from glsim.settings.schema import load_settings
     from glsim.simulation.depth_noise import DepthNoise
 
+    for text in assignments or []:
+        if text.startswith(("pose.", "scene.", "source.", "appearance.", "motion.", "variation.")):
+            raise ConfigError(f"--set {text}: has no effect on depth maps, which show their scene")
     settings = load_settings(
         config,
         assignments or [],
@@ -119,4 +122,6 @@ class _Corrupter:
             frame.in_metres("clean_mm"), frame=self._copies[name], sequence=name
         )
         self._copies[name] += 1
+        if frame.clean_mm.any() and not (made.noisy > 0).any():
+            raise DatasetError(f"{frame.name}: all depth is lost: check its unit and the camera")
         return frame.changed({"noisy_mm": made.measured(rounded=False).noisy_mm})

@@ -97,7 +97,6 @@ def fit(
         table = [title, *proven]
         if not better:
             table.append(f"Not better than {own} by two standard errors: {own} is recommended.")
-        better |= not halved
     head = [f"# {line}" for line in (*table, f"Base: {choice.text}")]
     lines = {**fitted.lines, "base": choice.text.replace(choice.name, own, 1)}
     fitted = replace(fitted, text="\n".join(head) + "\n" + fitted.text, lines=lines)

@@ -230,7 +230,7 @@ def _measured_cost(settings: Settings, sources: Sequence[FaceSource], plan: Plan
     """Render and encode some frames of a plan; None if no frame can be rendered."""
     from statistics import median
 
-    from glsim.core.files.png import encode_png
+    from glsim.data.layer_images import layer_png
     from glsim.simulation.frame import Skipped
     from glsim.simulation.pipeline import simulate
 
@@ -243,7 +243,7 @@ def _measured_cost(settings: Settings, sources: Sequence[FaceSource], plan: Plan
     drawn = simulate(settings, tasks, sources=sources, layers=layers)
     for task, frame in zip(tasks, drawn, strict=True):
         if not isinstance(frame, Skipped):
-            images = (encode_png(frame.image(layer)) for layer in layers)
+            images = (layer_png(frame, layer) for layer in layers)
             sizes.append(sum(map(len, images)) + _RECORD_BYTES)
         now = perf_counter()
         (first if any(task.index == p.first for p in chosen) else later).append(now - last)

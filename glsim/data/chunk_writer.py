@@ -12,10 +12,10 @@ from typing import IO, Protocol, cast
 
 from glsim.core.errors import ConfigError, DepthRangeError, GlsimError, MeshError
 from glsim.core.files.atomic import AtomicFile, checksum, to_json
-from glsim.core.files.png import encode_png
 from glsim.core.files.store import Store
 from glsim.data.chunks import Chunk
 from glsim.data.code_version import code_version
+from glsim.data.layer_images import layer_png
 from glsim.data.records import ChunkRecord, ChunkSummary, Record, frame_record, skipped_record
 from glsim.data.run_identity import InputHashes
 from glsim.data.state_folder import RunState
@@ -149,7 +149,7 @@ class _ChunkWriter:
             return
         layers: tuple[str, ...] = self._settings.output.layers
         try:
-            images = {layer: encode_png(result.image(layer)) for layer in layers}
+            images = {layer: layer_png(result, layer) for layer in layers}
         except DepthRangeError as error:  # one pixel too far for 16 bits must not end the run
             self._skip(task, Skipped(result.key, result.source, str(error)))
             return

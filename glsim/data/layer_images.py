@@ -53,20 +53,21 @@ def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX*
     return image.view(expected)
 
 
+def layer_png(frame: Frame, layer: str, sensor: str = "") -> bytes:
+    """Encode a layer of a frame; depth states its step, and the name of a sensor."""
+    stated = (frame.depth_unit_mm, sensor) if layer in ("clean", "noisy", "expected") else ()
+    return encode_png(frame.image(layer), *stated)
+
+
 def write_frame(
     frame: Frame, directory: Path, stem: str, layers: Sequence[str], sensor: str = ""
 ) -> list[Path]:
     """Write ``<stem>_<layer>.png`` for each layer and return the paths.
 
-    Depth states its step and the name of the sensor.
-
     Existing files are replaced, and every file is complete or absent. Raises ConfigError for an
     unknown layer or a depth that does not fit 16 bits, DatasetError if a file cannot be written.
     """
-    files = {}
-    for layer in layers:
-        stated = (frame.depth_unit_mm, sensor) if layer in ("clean", "noisy", "expected") else ()
-        files[directory / f"{stem}_{layer}.png"] = encode_png(frame.image(layer), *stated)
+    files = {directory / f"{stem}_{n}.png": layer_png(frame, n, sensor) for n in layers}
     for path, image in files.items():
         write_atomic(image, path)
     return list(files)

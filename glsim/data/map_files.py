@@ -255,6 +255,16 @@ def floats_in_metres(images: Iterable[NDArray[Any]], where: Path) -> bool:
     return middle < _METRES_BELOW
 
 
+def refuse_other_unit(image: NDArray[Any], depth_mm: NDArray[np.float32], where: Path) -> None:
+    """Raise DatasetError for floats of another unit than most in their folder, as ``depth_mm``."""
+    seen = image[np.isfinite(image) & (image > 0)]
+    if seen.size and np.ptp(seen) > 0 and depth_mm.max() < _METRES_BELOW:
+        raise DatasetError(
+            f"{where}: its floats, around {np.median(seen):.4g}, have another unit than most in "
+            "this folder: convert them"
+        )
+
+
 def refuse_no_steps(image: NDArray[Any], where: Path) -> None:
     """Raise DatasetError for integers without a stated unit that cannot be millimetres.
 

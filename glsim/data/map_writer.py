@@ -167,6 +167,9 @@ def _targets(
     for source, target in zip(sources, targets, strict=True):
         if target.exists() and source.exists() and target.samefile(source):
             raise ConfigError(f"-o {out}: would overwrite {source}")
+    for folder in map(Path, inputs):
+        if folder.is_dir() and out.absolute().is_relative_to(folder.absolute()):
+            raise ConfigError(f"-o {out}: lies in {folder}, and would be read with it next time")
     return targets
 
 

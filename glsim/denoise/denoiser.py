@@ -190,6 +190,8 @@ class Denoiser:
                 f"{valid.min():.0f} mm: subtract the difference (glsim denoise --protocol paper "
                 "does), or train a network with --protocol depth"
             )
+        if valid.size and depth_mm.dtype.kind == "f" and valid.max() < 10:  # mm
+            raise ConfigError(f"{self.label}: depth in metres? give millimetres (depth * 1000)")
         self._check_infrared(infrared, depth_mm.shape)
         frame = np.array(depth_mm, np.float32)
         return frame if self.device is None else self.device(frame, crop)

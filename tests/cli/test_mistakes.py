@@ -22,7 +22,6 @@ USAGE = """
 --nothing
 genrate -o data
 generate
-generate -o data --subjects many
 generate -o data --subjects 0
 generate -o new --subjects 99999999999999999999999
 generate -o new --source peple
@@ -33,12 +32,10 @@ generate -o new --sensor broken.toml
 generate -o new --preset offce
 generate -o new --config latin.toml
 generate -o new --set pose.yaw_dg=3
-generate -o new --set pose.yaw_deg
 generate -o new --set pose.distance_mm=inf
 generate -o new --set 'pose.yaw_deg={ uniform = [30, -30] }'
 generate -o new --set output.layers=clean,nosy
 generate -o new --set split=0.5,0.6,0.2
-generate -o new --workers none
 generate -o http://server/data --subjects 1
 generate -o new --part 3/2
 generate -o new --part 1/2 --ray auto
@@ -46,6 +43,9 @@ render
 corrupt nothing.png -o out.png
 corrupt map.png -o map.png
 corrupt map.png -o out.png --centre-px 3
+corrupt map.png -o out.png --set pose.yaw_deg=3
+denoise maps -o maps/out -d median
+eval data -d median -o data
 denoise map.png -o map.png
 denoise map.png -o out.png -d medan
 denoise map.png -o out.png -d median:size=4
@@ -54,7 +54,6 @@ eval data -d median -o scored
 train fase --data data
 train face --data data --steps 0
 export data -o out --to plyy
-preview data -o seen --frames 0
 inspect nothing
 validate kinect-v3
 sensors kinect-v2 -o data
@@ -73,6 +72,7 @@ generate -o maps --subjects 1
 render nothing.obj
 render nan.obj -o out
 corrupt cut.png -o out.png
+corrupt map.png -o out.png --backend numpy -s kinect-v2-fast --set range_gate.near_mm=4000
 corrupt colour.png -o out.png
 denoise cut.png -o out.png -d median
 eval empty -d median

@@ -25,6 +25,7 @@ from glsim.data.map_files import (
     read_stored,
     refuse_negative,
     refuse_no_steps,
+    refuse_other_unit,
 )
 from glsim.data.recordings.names import infrared_beside
 
@@ -163,6 +164,8 @@ class MapFiles:
         if self._each_states:
             step_mm = stated_unit_mm(place.file, inside=place.inside) or 1.0
         depth_mm = depth_in_mm(image, step_mm, place.offset_mm, in_metres=metres)
+        if image.dtype.kind == "f":
+            refuse_other_unit(image, depth_mm, place.file)
         return depth_mm, 0.0 if image.dtype.kind == "f" else step_mm
 
     def _read(self, voters: Sequence[FramePlace]) -> dict[FramePlace, NDArray[np.generic]]:
