@@ -288,7 +288,7 @@ def _lengths(size: float, unit: str) -> list[list[float]]:
             return [[length]]
         raise MeshError(
             f"with unit={unit} it is {size * length:.4g} mm across, and should be "
-            f"{MIN_HEAD_MM:.0f} to {MAX_SCENE_MM:.0f} mm; give another unit"
+            f"{MIN_HEAD_MM:.0f} to {MAX_SCENE_MM:.0f} mm; try unit='auto' or another unit"
         )
     metric = [UNITS_MM[name] for name in DETECTED_UNITS]
     metric.sort(key=lambda mm: not MIN_HEAD_MM <= size * mm <= MAX_HEAD_MM)
