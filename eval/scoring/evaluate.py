@@ -107,10 +107,10 @@ def _check_owner(out: Path, scored: str) -> None:
     if (out / HEADER).is_file():
         raise ConfigError(f"{out}: is a data set: name another folder by -o")
     note = out / ".blocks" / "scored"
-    owner = note.read_text() if note.is_file() else scored
+    owner = note.read_text("utf-8") if note.is_file() else scored
     if owner != scored:
         raise ConfigError(f"{out}: holds the scores of {owner}: name another folder by -o")
-    note.write_text(scored)
+    note.write_text(scored, "utf-8")
 
 
 def load_methods(specs: Sequence[str], *taken: str) -> list[Denoiser]:

@@ -84,7 +84,7 @@ def test_face_sets(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
 @pytest.mark.long
 def test_a_fit_and_a_validation(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write_static_pair(here / "recording", scene(), 1.6)
-    found = printed(capsys, "fit", "recording", "-o", "mine.toml")
+    found = printed(capsys, "fit", "recording", "-o", "mine.toml", "--no-proof")
     assert found["sensor"] == "mine.toml"
     assert "base" in found["results"]
     assert main(["validate", "kinect-v2-paper", "--frames", "8", "--json", "-"]) in (0, 1)
