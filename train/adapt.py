@@ -182,7 +182,7 @@ def _recorrupted_loss(
 
 
 class _Judge:
-    """Judge of a network: how near a denoised frame comes to its still view, away from edges."""
+    """Measure how far a denoised frame is from another of its still view, inside surfaces."""
 
     def __init__(self, first: DepthFrame, second: DepthFrame) -> None:
         self._frame = np.nan_to_num(first.measured_mm).astype(np.float32)

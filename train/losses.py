@@ -255,7 +255,7 @@ class Recorrupted(NoisyTarget):
 
 
 class SelfReDepth(NoisyTarget):
-    """The frames of Duarte et al., "SelfReDepth", 2024: the target is the next noisy frame.
+    """Loss of "SelfReDepth" (Duarte et al., 2024): earlier frames predict the next noisy one.
 
     Noise is new in each frame; where a face moves, large errors count linearly. Their inpainting of
     the target by colours has no counterpart here.

@@ -196,7 +196,7 @@ class Recording:
                 advice = f"the longest rest is {names}" + (
                     f": --frames {chosen[first]}:{chosen[last - 1] + 1}" if run else ""
                 )
-                advice += "; record 30 frames or more at rest" if last - first < 8 else ""
+                advice += "; record 30 frames or more at rest" if last - first < 8 else ""  # chosen
             raise DatasetError(
                 f"{self.path}: the frames show different scenes ("
                 + (changes[0] if changes else f"{100 * share:.0f} % of the depths are at rest")

@@ -17,7 +17,7 @@ from glsim.core.depth_protocol import MEANING, DepthProtocol
 from glsim.core.errors import ConfigError, DenoiserError
 from glsim.denoise.user_function import UserFunction
 from glsim.networks.composites import COMPOSITES, DEFAULT_COMPOSITE, check_composite, composed
-from glsim.networks.interface import MIN_MEASURED_MM, Denoised, DepthFunction
+from glsim.networks.interface import METRES_MM, MIN_MEASURED_MM, Denoised, DepthFunction
 from glsim.networks.tiles import head_box
 
 if TYPE_CHECKING:
@@ -190,7 +190,7 @@ class Denoiser:
                 f"{valid.min():.0f} mm: subtract the difference (glsim denoise --protocol paper "
                 "does), or train a network with --protocol depth"
             )
-        if valid.size and depth_mm.dtype.kind == "f" and valid.max() < 10:  # mm
+        if valid.size and depth_mm.dtype.kind == "f" and valid.max() < METRES_MM:
             raise ConfigError(f"{self.label}: depth in metres? give millimetres (depth * 1000)")
         self._check_infrared(infrared, depth_mm.shape)
         frame = np.array(depth_mm, np.float32)

@@ -15,14 +15,11 @@ from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.units import subtract_offset
 from glsim.data.recording import Recording
 from glsim.measures.static import view_change
-from glsim.networks.interface import MIN_MEASURED_MM
+from glsim.networks.interface import METRES_MM, MIN_MEASURED_MM
 
 if TYPE_CHECKING:
     from glsim.denoise.calibration import DeviceCalibration
     from glsim.denoise.denoiser import Denoiser
-
-#: A frame whose nearest depth is 1 and whose median is below this is in whole metres, not mm.
-_METRES_MM = 10.0
 
 
 def check_millimetres(depth: Depth, where: str, protocol: DepthProtocol = "depth") -> None:
@@ -31,7 +28,7 @@ def check_millimetres(depth: Depth, where: str, protocol: DepthProtocol = "depth
     The protocol paper accepts a map with its nearest point at 1 mm.
     """
     values = depth[depth > 0]
-    least_mm = MIN_MEASURED_MM if protocol == "depth" else _METRES_MM
+    least_mm = MIN_MEASURED_MM if protocol == "depth" else METRES_MM
     if values.size and (middle := float(np.percentile(values, 50))) < least_mm:
         other = ", or moved to 1 mm (--protocol paper)" if is_moved(depth) else ""
         raise DatasetError(
@@ -45,7 +42,7 @@ def is_moved(depth: Depth) -> bool:
     values = depth[depth > 0]
     if not values.size:
         return False
-    return float(values.min()) == NEAREST_MM and float(np.percentile(values, 50)) >= _METRES_MM
+    return float(values.min()) == NEAREST_MM and float(np.percentile(values, 50)) >= METRES_MM
 
 
 def moved_frames(frames: Frames) -> Frames:

@@ -139,7 +139,7 @@ class Shell:
 
 
 class Hair(NamedTuple):
-    """Sheets of hair, bound to the skin; ``faces``, ``occluder`` and ``strands`` as in ``Mesh``.
+    """Sheets of hair that move with the skin; ``faces`` to ``strands`` are those of ``Mesh``.
 
     ``light``: share of the light that reaches the strands, (N,) or one number.
     """

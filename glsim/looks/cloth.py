@@ -174,7 +174,7 @@ def _smoothed(edges: tuple[Whole, Whole, Reals], values: Reals, rounds: int) -> 
 
 
 def _spanned(piece: ClothBody, garment: Garment) -> Reals:
-    """Compute the ways, (N, 3) mm, from the skin out to where cloth spans its hollows.
+    """Compute the displacements from the skin to cloth that spans its hollows, (N, 3) mm.
 
     Cloth under tension goes straight from bulge to bulge: a slice of trunk, limb or foot becomes
     its convex hull. From the armpits and down the legs it falls, the straighter the more it

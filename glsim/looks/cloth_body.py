@@ -48,7 +48,7 @@ class ClothGrid:
 
 @dataclass(frozen=True, eq=False)
 class ClothBody:
-    """The skin of a subject at rest, or the part of it that a garment covers.
+    """Points on the skin of a subject at rest, all or those that a garment covers.
 
     Args:
         rest_mm: (V, 3) mm, vertices of the source.
@@ -80,7 +80,7 @@ class ClothBody:
 
     @cached_property
     def local(self) -> Reals:
-        """Points in the axes of their body part, (N, 3) mm."""
+        """Position across, along and before the axis of the body part, (N, 3) mm."""
         away = (self.skin - self.starts[self.part])[:, :, None]
         return np.asarray((away * self.axes[self.part]).sum(axis=1))
 

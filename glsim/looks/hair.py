@@ -39,7 +39,7 @@ _LEAN_MM = 22.0
 
 
 class Scalp(NamedTuple):
-    """The grid of a source's scalp: N anchors, their triangles and distances inside the hairline.
+    """Grid of N points on the scalp, with triangles and distances inside the hairline, mm.
 
     ``directions``: (N, 3) unit vectors from the centre of the skull to the points.
     """

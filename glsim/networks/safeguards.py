@@ -27,8 +27,8 @@ FORM_GROWTH: Final = ((0.1, 5.2), (1.0, 3.8))
 #: another. On clean surfaces these are ridges and valleys, and N grows with the side of the image,
 #: under noise with its area. A frame is dithered if N / S and N / S times the share of such pixels
 #: exceed these bounds; S is the root of the number of measured pixels. Measured: N / S of 254 clean
-#: maps at most 2.0, dressed people 3.5 (second number at most 0.24), strands of hair 3.1; of 41
-#: noisy ones of azure-kinect and truedepth at least 3.6 and 0.35.
+#: maps at most 2.0, strands of hair 3.1; of 41 noisy ones of azure-kinect and truedepth at least
+#: 3.6 and 0.35. Folds and hair of dressed people pass for dither: up to 5.1 and 1.2 from 0.9 m on.
 DITHER_SIDE, DITHER_DENSITY = 3.3, 0.3
 #: The test for dither applies to maps with at least this step, mm.
 DITHER_LEAST_MM: Final = 0.9

@@ -91,7 +91,7 @@ def test_noise_below_a_millimetre_shows_in_steps_of_a_tenth(white_mm: float) -> 
 @pytest.mark.parametrize("distance_mm", [400, 600, 750, 900, 1500])
 @pytest.mark.parametrize("worn", ["head", "dressed", "wall"])
 def test_clean_maps_are_not_dithered(distance_mm: int, worn: str) -> None:
-    """Whole images; beyond 0.9 m folds of cloth do pass for dither."""
+    """Whole images; from 0.9 m on folds of cloth can pass for dither."""
     scene = {"wall_mm": distance_mm + 600} if worn == "wall" else {}
     wear = {"wear": "always", "glasses": 1.0, "cloth": 1.0} if worn == "dressed" else {}
     pose = {"distance_mm": min(distance_mm, 900 if wear else 1500), "yaw_deg": 20}

@@ -220,7 +220,7 @@ def _middle(frames: Sequence[DepthFrame]) -> DepthFrame:
 def _render(
     virtual: VirtualCamera, mesh: Mesh | None, frames: Sequence[DepthFrame], decimated_by: int
 ) -> list[DepthFrame]:
-    """Render a mesh as a still sequence with the frames' depth step; without a mesh, no depth."""
+    """Render one shot of a still mesh for each frame, in its depth step; no mesh: no depth."""
     if mesh is None:
         return [frame.changed({"noisy_mm": np.zeros_like(frame.noisy_mm)}) for frame in frames]
     made = []

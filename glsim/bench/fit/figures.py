@@ -74,7 +74,7 @@ def _parts(frames: Frames) -> list[Frames]:
 
 
 def _gaps(frames: Frames) -> Figures:
-    """Return the mean widths of the gaps on both sides of silhouettes, px."""
+    """Measure the mean width of the gaps left and right of silhouettes, px."""
     edges = [find_edges(frame) for frame in frames]
     side, row, width = (
         np.concatenate([getattr(e, name) for e in edges]) for name in ("side", "row", "width")
@@ -90,7 +90,7 @@ def _gaps(frames: Frames) -> Figures:
 
 
 def disparity_figures(frames: Frames, focal_baseline_px_mm: float) -> Figures:
-    """Return the noise of disparity, px, on planes of a still view; NaN with too few tiles."""
+    """Measure the noise of disparity on planes of a still view, px; NaN with too few planes."""
     disparity = [to_disparity(f.measured_mm, focal_baseline_px_mm) for f in frames]
     noise = measure_blocks(disparity, list(pairwise(range(len(disparity)))))
     found: Figures = {}

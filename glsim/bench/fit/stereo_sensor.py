@@ -154,7 +154,7 @@ class Trials:
         return sensor_toml(comments, self.sensor, self._base, image, moved, values)
 
     def trial(self, name: str = "", value: float = 0.0) -> figures.Figures:
-        """Measure replays with the values so far and one changed parameter, of new devices."""
+        """Change one parameter of the sensor so far, replay by new devices, and measure."""
         with TemporaryDirectory() as folder:
             file = Path(folder) / "trial.toml"
             file.write_text(self.text(self.values | ({name: value} if name else {})))
@@ -225,7 +225,7 @@ class Trials:
         self.results[name] = f"{own:g}, the base's: {why or AGREES}"
 
     def lines(self) -> dict[str, str]:
-        """List each figure of the recording, the base and the fitted sensor: name -> text."""
+        """Write each figure as text: of the recording, of the base and of the fitted sensor."""
         lines = {}
         for name, real in self.real.items():
             texts = [figures.figure_text(v.get(name, _NONE)) for v in (self.base, self.now)]
@@ -235,7 +235,7 @@ class Trials:
 
 
 def _next(tried: Sequence[tuple[float, figures.Value]], target: figures.Value) -> tuple[float, str]:
-    """Return the next x for a figure to reach its target, or why the search ends.
+    """Return the next parameter value to try, to its power, or why the search ends.
 
     ``tried``: each x, a parameter to its power, with the figure and its error there.
     """

@@ -43,7 +43,7 @@ _MAX_CLIPPING = 500_000_000
 
 
 def encode_obj(vertices_mm: NDArray[np.floating[Any]], triangles: NDArray[np.integer]) -> bytes:
-    """Encode a mesh as an OBJ file, mm: (V, 3) vertices and (T, 3) indices from 0."""
+    """Encode (V, 3) vertices, mm, and (T, 3) triangles, counted from 0, as an OBJ file."""
     lines = ["# glsim; millimetres"]
     lines += ["v {:.4f} {:.4f} {:.4f}".format(*vertex) for vertex in vertices_mm.tolist()]
     lines += ["f {} {} {}".format(*corners) for corners in (triangles + 1).tolist()]
