@@ -17,7 +17,7 @@ from glsim.looks.skin_grid import Anchors, thinned
 from glsim.looks.styles import CROWN, HALO_MM, HairStyle
 
 #: Mean edge of the scalp's triangles, mm. Chosen: locks are 5 to 15 mm wide; strands are finer.
-_EDGE_MM = 9.0
+_EDGE_MM = 11.0
 #: Largest distance outside the mean hairline at which hair grows, mm.
 _MARGIN_MM = 14.0
 #: Radius of a mean skull, mm; it converts angles to lengths.
