@@ -1,20 +1,19 @@
-"""Logs of a run: metrics.csv, TensorBoard's events, JSON files and sample images."""
+"""Logs of a run: metrics.csv, TensorBoard's events and sample images."""
 
 from __future__ import annotations
 
 import csv
 import io
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from lightning_fabric.loggers.tensorboard import TensorBoardLogger
 from torch import Tensor
 
 from glsim.core.camera import Intrinsics
-from glsim.core.files.atomic import without_nan, write_atomic
+from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import write_picture
 from glsim.core.files.regular import read_csv
 from glsim.core.units import to_metres
@@ -61,12 +60,6 @@ class RunLogs:
     def close(self) -> None:
         """Close TensorBoard's log."""
         self._board.finalize("success")
-
-
-def write_json(path: Path, content: Mapping[str, Any]) -> None:
-    """Write a JSON object, with null for NaN. Raises DatasetError if writing fails."""
-    text = json.dumps(without_nan(content), indent=1, allow_nan=False) + "\n"
-    write_atomic(text.encode(), path)
 
 
 def write_samples(path: Path, frames: Sequence[tuple[Tensor, Tensor, Tensor]]) -> None:

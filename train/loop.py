@@ -17,18 +17,18 @@ from torch.utils.data import DataLoader
 
 from glsim.core.depth_map import interior, jumps
 from glsim.core.errors import ConfigError, TrainError
+from glsim.core.files.atomic import json_text, write_atomic
 from glsim.networks import checkpoint
 from glsim.networks.interface import MIN_DEPTH_MM
 from glsim.train.batches import VALIDATION_BATCH, BatchSource, on_device, spread
 from glsim.train.data.stored import Batch
-from glsim.train.logs import RUN_FILE, RunLogs, write_json, write_samples
+from glsim.train.logs import RUN_FILE, RunLogs, write_samples
 from glsim.train.losses import Loss, to_float32
 from glsim.train.models.base import Prediction
 from glsim.train.models.mask_aware import MaskAware, calibrate
 from glsim.train.models.registry import parameter_count
-from glsim.train.recipe import Recipe
+from glsim.train.recipe import RECIPE_FILE, Recipe
 from glsim.train.run_setup import (
-    RECIPE_FILE,
     arithmetic,
     continue_arithmetic,
     last_checkpoint,
@@ -147,7 +147,7 @@ class TrainingRun:
         self, on_step: Callable[[StepStatus], None] | None, should_stop: Callable[[], bool]
     ) -> dict[str, Any]:
         """Run steps until the training ends; return the content of run.json."""
-        write_json(self.folder / RECIPE_FILE, self.recipe.model_dump(mode="json"))
+        write_atomic(json_text(self.recipe.model_dump(mode="json")), self.folder / RECIPE_FILE)
         logs = RunLogs(self.folder, self.progress.steps)
         show = on_step or (lambda _: None)
         ended_by, stopped, loss = self.ended_by(), False, math.nan
@@ -290,20 +290,16 @@ class TrainingRun:
             "start": self.start,
         }
         checkpoint.save(self.folder / checkpoint.LAST, self._header() | self.state.dump())
-        write_json(self.folder / RUN_FILE, report)
+        write_atomic(json_text(report), self.folder / RUN_FILE)
         return report
 
     def status(self, loss: float, validated: bool) -> StepStatus:
         """Return the status of the training after a step with this loss."""
         return StepStatus(
-            epoch=self.progress.epoch,
-            steps=self.progress.steps,
-            total_steps=self.total_steps,
-            fraction_done=self._fraction_done(),
-            seconds=self._seconds(),
-            loss=loss,
+            epoch=self.progress.epoch, steps=self.progress.steps, total_steps=self.total_steps,
+            fraction_done=self._fraction_done(), seconds=self._seconds(), loss=loss,
             validation=self.figures if validated else None,
-        )
+        )  # fmt: skip
 
     def _fraction_done(self) -> float:
         """Fraction of the training that is done; 0 if only patience limits it."""
@@ -397,12 +393,9 @@ def validation_figures(
         frames = hard_mm.new_tensor(len(clean_mm), dtype=torch.float64)
         parts = (
             loss(prediction, noisy_mm[:, :1], clean_mm)[0].double() * frames,
-            (hard_mm - clean_mm).double().square().sum(),
-            frames * clean_mm[0].numel(),
-            frames,
-            *surface(hard_mm, clean_mm),
-            *surface(noisy_mm[:, :1], clean_mm),
-        )
+            (hard_mm - clean_mm).double().square().sum(), frames * clean_mm[0].numel(), frames,
+            *surface(hard_mm, clean_mm), *surface(noisy_mm[:, :1], clean_mm),
+        )  # fmt: skip
         sums.append(torch.stack(parts))
     total, squares, pixels, frames, *surfaces = torch.stack(sums).sum(0)
     figures = {"loss": total / frames, "mse_mm2": squares / pixels}

@@ -8,6 +8,7 @@ different parameters.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from math import cos, pi
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -15,7 +16,8 @@ from typing import Any, Final, Literal
 from pydantic import Field
 
 from glsim.core.depth_protocol import DepthProtocol
-from glsim.core.errors import ConfigError, did_you_mean
+from glsim.core.errors import ConfigError, DatasetError, did_you_mean
+from glsim.core.files.atomic import read_json
 from glsim.settings.toml_tables import (
     TomlTable,
     assign,
@@ -26,6 +28,8 @@ from glsim.settings.toml_tables import (
 )
 
 RECIPE_FOLDER: Final = Path(__file__).parent / "recipes"
+#: File of a run's folder with every setting as used.
+RECIPE_FILE: Final = "recipe.json"
 PaperRow = Literal["D7", "AR D7", "D20", "AR D20", "D64", "AR D64", "UNet", "Restormer"]
 Precision = Literal["auto", "32-true", "bf16-mixed", "16-mixed"]
 MonitoredFigure = Literal["loss", "mse_mm2", "interior_rmse_mm", "flips"]
@@ -167,6 +171,9 @@ class Recipe(TomlTable):
     simulate: dict[str, Any] = Field(
         default_factory=dict, description="changes to the settings of --simulate"
     )
+    assignments: tuple[str, ...] = Field(
+        (), description="written by glsim train: its --set, which --resume repeats"
+    )
 
     def difference(self, other: Recipe) -> str | None:
         """Name the first setting by which the trainings differ; None for equal trainings."""
@@ -179,7 +186,7 @@ class Recipe(TomlTable):
 
 #: Settings that may change when a training is resumed.
 _RESUMABLE: Final = {
-    *("title", "description", "data.workers"),
+    *("title", "description", "assignments", "data.workers"),
     "data.protocol",  # compared by the data's fingerprint instead
     *(f"training.{name}" for name in ("max_epochs", "max_steps", "max_minutes", "patience")),
 }
@@ -201,10 +208,18 @@ def load_recipe(
     """
     file = _recipe_file(recipe, Path())
     tree = _read_tree(file, 0)
-    for text in assignments:
+    tree["assignments"] = list(assignments)
+    for text in tree["assignments"]:
         assign(tree, *split_assignment(text, "training.batch=8 or loss.beta_mm=2"), text)
     merge_kinds(tree, overrides or {})
     return parse_table(Recipe, tree, str(file.stem if file.parent == RECIPE_FOLDER else file))
+
+
+def assignments_of(run: Path) -> list[str]:
+    """Return the assignments with which a run's folder was begun; none without its recipe.json."""
+    with suppress(DatasetError):
+        return list(read_json(run / RECIPE_FILE).get("assignments", ()))
+    return []
 
 
 def merge_kinds(tree: dict[str, Any], over: Mapping[str, Any]) -> None:

@@ -22,7 +22,6 @@ from glsim.settings.toml_tables import parse_table
 from glsim.train.recipe import Recipe, TrainingSettings
 from glsim.train.state import WeightsOf
 
-RECIPE_FILE: Final = "recipe.json"
 LOCK_FILE: Final = ".lock"
 
 #: Linux's names of processor features for bfloat16: Intel and AMD (AVX-512, AMX), ARM.
@@ -153,8 +152,8 @@ def last_checkpoint(
     difference = parse_table(Recipe, last["recipe"], str(path)).difference(recipe)
     if difference is not None:
         raise TrainError(
-            f"{path}: is of another recipe: its {difference}: repeat the recipe and all --set of "
-            "its first command, or name another folder (-o)"
+            f"{path}: is of another recipe: its {difference}: give its recipe and no other "
+            "values, or name another folder (-o)"
         )
     data: dict[str, Any] = last["data"]
     names = sorted(n for n in data.keys() | fingerprint if data.get(n) != fingerprint.get(n))

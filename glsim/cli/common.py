@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import json
 import logging
 import math
 import re
@@ -406,7 +405,9 @@ STDOUT = Path("-")
 
 def print_json(content: object) -> None:
     """Print a JSON value to stdout, NaN as null."""
-    sys.stdout.write(_json(content))
+    from glsim.core.files.atomic import json_text
+
+    sys.stdout.write(json_text(content).decode())
 
 
 def check_outputs(*files: Path | None) -> None:
@@ -423,16 +424,10 @@ def write_json(content: object, file: Path) -> list[Path]:
     if file == STDOUT:
         print_json(content)
         return []
-    from glsim.core.files.atomic import write_atomic
+    from glsim.core.files.atomic import json_text, write_atomic
 
-    write_atomic(_json(content).encode(), file)
+    write_atomic(json_text(content), file)
     return [file]
-
-
-def _json(content: object) -> str:
-    from glsim.core.files.atomic import without_nan
-
-    return json.dumps(without_nan(content), indent=1, allow_nan=False) + "\n"
 
 
 def print_table(table: Table) -> None:

@@ -55,14 +55,16 @@ def train(
             weights of further inputs start at 0. Default: random weights.
         assignment: Override the recipe, such as optimiser.lr=1e-3 or training.max_epochs=20.
             Repeatable.
-        resume: Continue the training in the folder, if there is one.
+        resume: Continue the training in the folder, if there is one, with all --set and options of
+            its recipe that it was begun with.
         out: Folder of the run. Default: runs/RECIPE.
         protocol: Where depth is counted from: depth (as measured) or paper (the nearest point of
             each frame at 1 mm). Default: as the data sets are stored.
         list_recipes: Print the shipped recipes and exit.
     """
     from glsim.core.depth_protocol import check_protocol
-    from glsim.train.recipe import load_recipe
+    from glsim.settings.toml_tables import flattened, toml_value
+    from glsim.train.recipe import assignments_of, load_recipe
 
     if list_recipes:
         _print_list()
@@ -71,15 +73,21 @@ def train(
         raise ConfigError("give a recipe: a name of glsim train --list, or a .toml file")
     if bool(data) == simulate:
         raise ConfigError("give --data DIR or --simulate, one of the two")
-    given = overrides(
+    over = overrides(
         seed=seed,
         training__max_minutes=minutes,
         training__max_steps=steps,
         training__start=None if start is None else str(start),
         data__protocol=check_protocol(protocol),
     )
-    chosen = load_recipe(recipe, assignment or (), given)
     folder = out if out is not None else Path("runs") / Path(recipe).stem
+    given = [*(assignment or ()), *(f"{n}={toml_value(v)}" for n, v in flattened(over).items())]
+    named = {text.partition("=")[0].strip() for text in given}
+    begun = [text for text in assignments_of(folder) if text.partition("=")[0].strip() not in named]
+    begun = begun if resume else []
+    chosen = load_recipe(recipe, [*begun, *given])
+    if begun:
+        print_message(f"{folder}: goes on with {', '.join(begun)}")
     print_message(f"{chosen.title}: trains in {folder}; loading PyTorch and the data")
 
     try:
@@ -165,8 +173,8 @@ def _print_result(report: dict[str, Any], folder: Path) -> None:
     else:
         later = "" if best["step"] else "; best.pt comes with the first validation"
         print_message(
-            f"stopped after step {report['steps']}: saved in {folder}, go on by the same command "
-            f"and --resume{later}"
+            f"stopped after step {report['steps']}: saved in {folder}, go on by the same recipe, "
+            f"--data, -o and --resume{later}"
         )
 
     figures = report["validation"]

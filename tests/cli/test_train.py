@@ -142,7 +142,7 @@ def test_data_sets_are_joined(data: Path, here: Path) -> None:
 def test_ctrl_c_is_kept_and_resumed(
     data: Path, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    command = ["train", "tiny.toml", "--data", str(data), "--set", "loss.beta_mm=2"]
+    command = ["train", "tiny.toml", "--data", str(data), "--set", "loss.beta_mm=2.0"]
     assert main([*command, "-o", "whole", "-q"]) == 0
     read, count = torch.utils.data.DataLoader.__iter__, iter(range(100))
 
@@ -154,10 +154,14 @@ def test_ctrl_c_is_kept_and_resumed(
     with monkeypatch.context() as patch:
         patch.setattr(torch.utils.data.DataLoader, "__iter__", read_and_press)
         assert main([*command, "-o", "parts"]) == 1
-    assert "the same command and --resume" in " ".join(capsys.readouterr().err.split())
+    assert "--data, -o and --resume" in " ".join(capsys.readouterr().err.split())
     assert json.loads((here / "parts" / "run.json").read_text())["state"] == "interrupted"
     assert "--resume" in fails(capsys, 1, *command[1:], "-o", "parts")
-    assert main([*command, "-o", "parts", "--resume", "-q"]) == 0
+    assert "loss.beta_mm is 2.0, not 3.0" in fails(
+        capsys, 1, *command[1:4], "-o", "parts", "--resume", "--set", "loss.beta_mm=3.0"
+    )
+    assert main([*command[:4], "-o", "parts", "--resume"]) == 0
+    assert "parts: goes on with loss.beta_mm=2.0" in capsys.readouterr().err
     whole, parts = (checkpoint.load(here / run / "best.pt")["model"] for run in ("whole", "parts"))
     assert all(torch.equal(weight, parts[name]) for name, weight in whole.items())
 

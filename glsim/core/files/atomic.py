@@ -95,6 +95,11 @@ def without_nan(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
+def json_text(content: object) -> bytes:
+    """Encode a JSON value for people, NaN as null; other values raise TypeError."""
+    return (json.dumps(without_nan(content), indent=1, allow_nan=False) + "\n").encode()
+
+
 def read_json(path: Path) -> dict[str, Any]:
     """Read a file of up to 67 MB with one JSON object. Raises DatasetError for other files."""
     try:
