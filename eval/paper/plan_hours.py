@@ -46,5 +46,5 @@ def plan_hours(recipes: Iterable[Recipe], split: object, images: int) -> TextTab
         cells = [f"{steps:,.0f}", f"{seconds:.3g}", *map(format_number, hours)]
         rows.append([title, str(trainings[title]), *cells])
     rows.append(["all", str(trainings.total()), "", "", *map(format_number, total)])
-    head = ["training", "runs", "steps at most", "s a step here", "hours here"]
+    head = ["training", "runs", "steps at most", "s a step here (estimate)", "hours here"]
     return TextTable([*head, *(f"hours on a {gpu}" for gpu in _GPUS)], rows)
