@@ -39,12 +39,14 @@ class SplitRecording:
     Attributes:
         partner: frame -> another frame of the same static scene.
         scene: frame -> number of the static scene.
+        simulated_by: sensor of glsim that simulated the frames; "" if none is known.
     """
 
     source: Source
     frames: Frames
     partner: dict[int, int]
     scene: dict[int, int]
+    simulated_by: str = ""
 
     @property
     def scenes(self) -> int:
@@ -94,7 +96,8 @@ class SplitRecording:
 
 def split_recording(source: Source) -> SplitRecording:
     """Read a recording and find its static scenes. Raises the errors of ``open_maps``."""
-    frames = open_maps(source.path).read(DEFAULT_FRAMES, source.focal_px)
+    recording = open_maps(source.path)
+    frames = recording.read(DEFAULT_FRAMES, source.focal_px)
     partner: dict[int, int] = {}
     scene: dict[int, int] = {}
     for first, second in static_pairs(frames):
@@ -102,4 +105,4 @@ def split_recording(source: Source) -> SplitRecording:
         partner.setdefault(second, first)
         number = scene.setdefault(first, len(set(scene.values())))
         scene[second] = number
-    return SplitRecording(source, frames, partner, scene)
+    return SplitRecording(source, frames, partner, scene, recording.simulated_by)

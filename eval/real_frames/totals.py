@@ -98,6 +98,12 @@ class RealScores:
     by_scene: bool
     own_ring_losses: tuple[float, float]
     pixels: list[int]
+    simulated_by: str
+
+    @property
+    def kind(self) -> str:
+        """What the frames are, for titles."""
+        return f"frames simulated by {self.simulated_by}" if self.simulated_by else "real frames"
 
     def as_json(self) -> dict[str, Any]:
         """Return all scores as JSON values; None for NaN."""
@@ -143,6 +149,7 @@ def add_up(
         by_scene=recording.by_scene,
         own_ring_losses=(ratio(losses[1], losses[0]), ratio(losses[3], losses[2])),
         pixels=raw.pair[..., 0].sum(axis=0).astype(int).tolist(),
+        simulated_by=recording.simulated_by,
     )
 
 

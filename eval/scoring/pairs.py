@@ -53,7 +53,7 @@ def _folder_frames(
 
     Raises DatasetError without any pair.
     """
-    (truths, _), (noisy_maps, note) = _maps(path, truth), _maps(path, "noisy")
+    (truths, _), (noisy_maps, note) = _maps(path, truth), _maps(path, "noisy", truth)
     found = {truth: truths, "noisy": noisy_maps}
     stems = sorted({*found[truth], *found["noisy"]}, key=lambda stem: (_key(stem), stem))
     same = {m.file for m in truths.values()} & {m.file for m in noisy_maps.values()}
@@ -92,14 +92,10 @@ def _folder_frames(
         for stem in stems
     ]
     frames = Frames(
-        len(stems),
-        load,
-        lambda number: _key(stems[number]),
-        title=str(path),
-        identity=f"{zlib.crc32(repr(listing).encode()):08x} {focal_px} {truth}",
-        protocol=protocol,
+        len(stems), load, lambda number: _key(stems[number]), title=str(path),
+        identity=f"{zlib.crc32(repr(listing).encode()):08x} {focal_px} {truth}", protocol=protocol,
         note=note,
-    )
+    )  # fmt: skip
     return frames, protocol
 
 
@@ -110,12 +106,14 @@ class _Map(NamedTuple):
     load: Callable[[], DepthFrame]
 
 
-def _maps(path: Path, layer: DepthKind) -> tuple[dict[str, _Map], str]:
-    """Find a layer's maps by path without suffix, and say what is assumed (unit, camera)."""
+def _maps(path: Path, layer: DepthKind, other: str = "") -> tuple[dict[str, _Map], str]:
+    """Find a layer's maps by path without suffix; say what is assumed, and left out by both."""
     try:
         recording = open_maps(path, layer)
     except NoDepthError:
         return {}, ""
+    for name in [name for name in recording.left_out if name.startswith(f"*_{other}.")]:
+        del recording.left_out[name]
     named = zip(recording.outputs, recording.sources, strict=True)
     maps = {
         output.with_suffix("").as_posix().removesuffix(f"_{layer}"): _Map(

@@ -38,7 +38,7 @@ def evaluate_real(
     focal_px: FocalOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Score denoisers on real frames, which have no clean truth.
+    """Score denoisers on frames of a camera, which have no clean truth.
 
     Measures static pairs, a chessboard's plane, the shift of surfaces, losses and fills at edges.
     Without --denoiser the shipped network is scored.
@@ -69,6 +69,12 @@ def evaluate_real(
             f"Filters with settings are tuned on the static pairs of one half of the {half}; "
             "static pairs of all methods are scored on the other half."
         )
+    if opened.simulated_by:
+        remarks.append(
+            f"{recording}: is simulated by {opened.simulated_by}: the figures rate denoisers on "
+            "noise of glsim, not of a camera; glsim eval compares with the true depth."
+        )
+        print_message(remarks[-1])
     if len(opened.partner) == 0:
         remarks.append("No two frames show one static view: there are no static pairs.")
     with scoring_progress("scoring") as progress:
@@ -104,7 +110,7 @@ def _print_summary(scores: RealScores) -> None:
 
     from glsim.eval.report.score_tables import format_number
 
-    frames = f"{len(scores.checksums)} real frames"
+    frames = f"{len(scores.checksums)} {scores.kind}"
     title = f"{scores.title}: {frames}; pairs, planes, board: change of the error"
     table = Table("method", title=title)
     heads = ("static pairs [%]", "planes [%]", "board [%]", "largest shift [mm]", "ring lost [%]",

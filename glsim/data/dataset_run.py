@@ -209,13 +209,9 @@ def finish(
     return GenerateSummary(
         frames=header["frames"],
         subjects={split: len(names) for split, names in header["subjects"].items()},
-        skipped=reasons,
-        rendered=counts.rendered,
-        reused=counts.reused,
-        bytes=counts.bytes,
-        seconds=counts.seconds,
-        cpu_seconds=counts.cpu_seconds,
-    )
+        skipped=reasons, rendered=counts.rendered, reused=counts.reused, bytes=counts.bytes,
+        seconds=counts.seconds, cpu_seconds=counts.cpu_seconds,
+    )  # fmt: skip
 
 
 def write_dataset(

@@ -115,6 +115,11 @@ def read_header(place: Path | str) -> dict[str, Any]:
     return _read_header(open_store(place))[0]
 
 
+def simulated_by(header: Mapping[str, Any]) -> str:
+    """Return the sensor whose noise a data set has; "" for an imported recording."""
+    return str(header["settings"]["sensor"]) if header["sensor"].get("stages") else ""
+
+
 def open_header(store: Store) -> tuple[dict[str, Any], str | None, Manifest]:
     """Return the header, the problem with its checksum (None if right), and the manifest."""
     header, data = _read_header(store)

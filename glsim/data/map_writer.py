@@ -57,11 +57,13 @@ class MapWriter:
             finest_mm: step of PNG files, doubled if one of the sampled maps is too deep for it; a
                 map that is deeper still keeps the step of its input.
             sigma_out: folder or file name of the outputs of the layer "sigma_mm".
-            sensor: the sensor that the outputs state. Default: the stated one.
+            sensor: the sensor that the outputs state. Default: the stated one, in PNG files only
+                if it is simulated.
         """
         self._option, self._out = option, out
         camera = recording.stated if recording.is_one_camera else StatedCamera()
         self._camera = replace(camera, sensor=sensor or recording.stated.sensor)
+        self._simulated_by = sensor or recording.simulated_by
         self.targets = _targets(recording, inputs, out, form)
         self._sources = recording.sources
         self._sigma: list[Path] = []
@@ -129,7 +131,7 @@ class MapWriter:
         depth_m, problem = to_metres(depth_mm), ""
         for step_mm in self._steps_mm:
             try:
-                return encode_map(depth_m, form, step_mm, self._option, self._camera.sensor)
+                return encode_map(depth_m, form, step_mm, self._option, self._simulated_by)
             except DepthRangeError as error:
                 problem = str(error)
         raise DepthRangeError(f"{frame.record.get('file', frame.name)}: {problem}")

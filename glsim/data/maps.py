@@ -32,7 +32,7 @@ from glsim.core.files.atomic import read_json
 from glsim.core.files.listing import MOST_FILES, natural
 from glsim.core.files.png import stated_sensor
 from glsim.data.disk_format import FORMAT, HEADER
-from glsim.data.header import is_dataset, read_header
+from glsim.data.header import is_dataset, read_header, simulated_by
 from glsim.data.map_files import STACKS, open_stack
 from glsim.data.recording import FrameReader, Recording, check_least_size
 from glsim.data.recordings.camera_file import StatedCamera, check_size, sensor_camera
@@ -171,7 +171,7 @@ def open_maps(
         given[0], kind_of(maps.files[0]), frames, reader, stated, maps.stated_by, notes,
         maps.left_out, tuple(maps.outputs), maps.protocol,
         "" if maps.records or stated.intrinsics else taken, f"{kind}_mm",
-        len({*cameras.values()}) == 1,
+        len({*cameras.values()}) == 1, maps.simulated_by,
     )  # fmt: skip
 
 
@@ -193,6 +193,7 @@ class _FileList:
         self.outputs: list[Path] = []
         self.cameras: dict[Path, StatedCamera] = {}
         self.stated_by: Path | None = None
+        self.simulated_by = ""
         self.records: Mapping[Path, DepthFrame] = {}
         self.protocol: DepthProtocol = "depth"
 
@@ -228,15 +229,16 @@ class _FileList:
                 above = [path for path in given if path in folder.parents]
                 stated, by = stated_camera(*above, folder)
                 file = next(file for file in self.files if file.parent == folder)
-                if not stated.sensor and (sensor := stated_sensor(file)):
-                    stated, by = replace(stated, sensor=sensor), by or file
+                self.simulated_by = stated_sensor(file)
+                if not stated.sensor and self.simulated_by:
+                    stated, by = replace(stated, sensor=self.simulated_by), by or file
                 self.cameras[folder] = stated
             else:
                 header = read_header(root)
                 nearest_mm.append(header["settings"]["output"].get("nearest_to_mm"))
-                sensor = str(header["settings"]["sensor"])
+                self.simulated_by = simulated_by(header)
                 unit_mm = float(header["depth_unit_mm"])
-                self.cameras[folder] = StatedCamera(unit_mm=unit_mm, sensor=sensor)
+                self.cameras[folder] = StatedCamera(unit_mm=unit_mm, sensor=self.simulated_by)
             if len(self.cameras) == 1:
                 self.stated_by = by
         self.protocol = stored_protocol(next(filter(None, nearest_mm), None))
@@ -310,16 +312,14 @@ def _data_set(place: Path | str, kind: DepthKind) -> Recording:
         raise DatasetError(f"{place}: has no frames")
     dataset.require(kind)
     frames = dataset.frames()
-    stated = StatedCamera(
-        frames.intrinsics,
-        unit_mm=dataset.depth_unit_mm,
-        sensor=str(dataset.header["settings"]["sensor"]),
-    )
+    sensor = simulated_by(dataset.header)
+    stated = StatedCamera(frames.intrinsics, unit_mm=dataset.depth_unit_mm, sensor=sensor)
     outputs = tuple(Path(f"{frame.name}_{kind}.png") for frame in frames)
     return Recording(
         dataset.path, "data set", frames, None, stated, dataset.path, outputs=outputs,
         protocol=dataset.protocol, layer=f"{kind}_mm",
         is_one_camera=dataset.header["settings"]["output"].get("crop") is None,
+        simulated_by=sensor,
     )  # fmt: skip
 
 

@@ -78,13 +78,9 @@ class Dataset:
     def _part(self, first: int, count: int, name: str) -> Frames:
         header = zlib.crc32((self.path / HEADER).read_bytes())
         return Frames(
-            count,
-            partial(self._load, first),
-            partial(self._key, first),
-            title=f"{self} {name}",
-            identity=f"{header:08x} {name}",
-            regions=self.regions,
-        )
+            count, partial(self._load, first), partial(self._key, first), title=f"{self} {name}",
+            identity=f"{header:08x} {name}", regions=self.regions,
+        )  # fmt: skip
 
     def shards(self, split: str) -> list[str]:
         """Return the paths or URLs of a split's shards, for readers such as webdataset."""

@@ -52,6 +52,7 @@ class Recording:
         protocol: origin of the depths in the files; frames always have measured depths.
         assumed: name of the sensor whose intrinsics are assumed; "" for stated intrinsics.
         is_one_camera: whether ``stated`` holds for every frame; False for crops, several cameras.
+        simulated_by: sensor of glsim whose noise the frames have; "" if none is known.
     """
 
     path: Path
@@ -67,6 +68,7 @@ class Recording:
     assumed: str = ""
     layer: str = "noisy_mm"
     is_one_camera: bool = True
+    simulated_by: str = ""
 
     @property
     def camera(self) -> Intrinsics | None:

@@ -6,7 +6,6 @@ A run resumed with other settings or input files would make a data set of two di
 from __future__ import annotations
 
 import json
-import logging
 import socket
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -21,8 +20,6 @@ from glsim.data.code_version import code_version
 from glsim.data.disk_format import FORMAT, FORMAT_VERSION
 from glsim.settings.schema import Settings
 from glsim.settings.toml_tables import flattened
-
-log = logging.getLogger(__name__)
 
 #: Settings that do not change any frame: a run may be resumed with other values.
 _FREE_SETTINGS = ("settings.strict",)
@@ -105,10 +102,7 @@ def refuse_difference(out: str, begun: Mapping[str, Any], identity: Mapping[str,
     old, new = flattened(begun), flattened(json.loads(to_json(identity, out)))
     for name in new | old:
         compared = name.split(".")[0] in identity and name not in _FREE_SETTINGS
-        if name == "glsim_version" and new[name].partition("+")[0] == old.get(name):
-            known = "its version holds no hash of the code: continue with the same code only"
-            log.warning("%s: %s", out, known)
-        elif compared and old.get(name) != new.get(name):
+        if compared and old.get(name) != new.get(name):
             raise ConfigError(_difference(out, name, old.get(name), new.get(name)))
 
 

@@ -46,14 +46,9 @@ def stored_frame(
         layers["normals"] = images.normals
     key = FrameKey(str(record["subject"]), str(record["sequence"]), int(record["frame"]))
     return DepthFrame(
-        key,
-        Intrinsics(**record["intrinsics"]),
-        layers,
-        step_mm=step_mm,
-        record=record,
-        name=f"{record['split']}/{key}",
-        lens=lens,
-    )
+        key, Intrinsics(**record["intrinsics"]), layers, step_mm=step_mm, record=record,
+        name=f"{record['split']}/{key}", lens=lens,
+    )  # fmt: skip
 
 
 class StoredImages:

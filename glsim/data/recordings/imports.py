@@ -80,15 +80,11 @@ def import_biwi(
     renderer = describe(context)["renderer"]
     context.release()
     return write_dataset(
-        settings,
-        make_tasks(settings, [source]),
-        out,
+        settings, make_tasks(settings, [source]), out,
         partial(_biwi_frames, source=source, backend=backend),
         sensor={"name": "biwi", "title": _BIWI_TITLE, "width": 640, "height": 480, "stages": []},
-        renderer=renderer,
-        workers=workers,
-        progress=progress,
-    )
+        renderer=renderer, workers=workers, progress=progress,
+    )  # fmt: skip
 
 
 def _biwi_frames(
@@ -292,16 +288,10 @@ def import_recordings(
     sensor |= {"width": camera.width, "height": camera.height}
     tasks = make_tasks(settings, [source])
     summary = write_dataset(
-        settings,
-        tasks,
-        out,
-        partial(_recorded_frames, source=source),
-        sensor=sensor,
-        renderer="none: recorded",
-        workers=workers,
-        progress=progress,
+        settings, tasks, out, partial(_recorded_frames, source=source), sensor=sensor,
+        renderer="none: recorded", workers=workers, progress=progress,
         inputs=lambda: InputHashes(sources=source_hashes([source], tasks)),
-    )
+    )  # fmt: skip
     notes = source.notes
     if 0 < len(dark) < len(frames):
         lacks = f"{dark[0]} has no infrared image: that of the other frames is left out"

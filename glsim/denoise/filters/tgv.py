@@ -54,13 +54,10 @@ class TotalGeneralisedVariation(Masked):
         centre = np.float32(np.median(noisy_mm[support]))
         scale = np.float32(noise_mm)
         smooth = solve(
-            (filled - centre) / scale,
-            np.where(support, weight, np.float32(0)),
-            SurfaceGradients(filled, wanted | support),
-            np.float32(self.alpha),
-            np.float32(self.ratio * self.alpha),
-            self.iterations,
-        )
+            (filled - centre) / scale, np.where(support, weight, np.float32(0)),
+            SurfaceGradients(filled, wanted | support), np.float32(self.alpha),
+            np.float32(self.ratio * self.alpha), self.iterations,
+        )  # fmt: skip
         return np.asarray(np.maximum(smooth[wanted] * scale + centre, np.float32(0)))
 
 
