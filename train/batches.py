@@ -123,12 +123,9 @@ class SimulatedBatches:
         """Render the validation frames. Raises the errors of ``simulated_batches``."""
         self._recipe = recipe
         self._open = partial(
-            SimulatedPairs,
-            settings,
-            inputs=inputs_of(recipe.model),
-            target=recipe.data.target,
+            SimulatedPairs, settings, inputs=inputs_of(recipe.model), target=recipe.data.target,
             protocol=recipe.data.protocol,
-        )
+        )  # fmt: skip
         self.fingerprint = self._pairs(0).fingerprint()
         count = recipe.data.validation_frames or _SIMULATED_VALIDATION_FRAMES
         length = -(-count // VALIDATION_BATCH)
@@ -156,12 +153,9 @@ class SimulatedBatches:
 
     def _pairs(self, start: int) -> SimulatedPairs:
         return self._open(
-            batch=self._recipe.training.batch,
-            seed=self._recipe.seed,
-            reuse=self._recipe.data.reuse,
-            vary_inputs=True,
-            start=start,
-        )
+            batch=self._recipe.training.batch, seed=self._recipe.seed,
+            reuse=self._recipe.data.reuse, vary_inputs=True, start=start,
+        )  # fmt: skip
 
 
 BatchSource = StoredBatches | SimulatedBatches
@@ -176,12 +170,9 @@ def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
     """
     data = recipe.data
     open_split = partial(
-        StoredPairs,
-        crop=data.crop or None,
-        inputs=inputs_of(recipe.model),
-        target=data.target,
+        StoredPairs, crop=data.crop or None, inputs=inputs_of(recipe.model), target=data.target,
         protocol=data.protocol,
-    )
+    )  # fmt: skip
     changes = Augmentation(
         data.flip, data.relief_mm, data.slope_mm_per_px, data.texture, data.averaged, True
     )

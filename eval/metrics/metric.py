@@ -11,10 +11,10 @@ from glsim.eval.metrics.scored_map import ScoredMap
 from glsim.settings.toml_tables import read_toml
 
 Direction = Literal["lower", "higher", "neither"]
-MetricGroup = Literal["paper", "validity", "depth", "normals", "time"]
+MetricGroup = Literal["paper", "validity", "depth", "form"]
 #: Descriptions of the shipped metrics, see the file.
 DESCRIPTIONS: Final = read_toml(Path(__file__).with_name("metrics.toml"))
-#: Group of metrics -> title of its table, in the order of the columns of rows.csv.
+#: Group of metrics -> title of its table, in the order of table.md.
 GROUPS: Final[dict[MetricGroup, str]] = DESCRIPTIONS["groups"]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable, Sequence
 from itertools import pairwise
@@ -11,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from glsim.core.files.atomic import write_atomic
+from glsim.core.files.atomic import json_text, write_atomic
 from glsim.eval.real_frames.frame_truth import BINS_M
 from glsim.eval.real_frames.totals import EDGES, Interval, RealMeasures, RealScores
 from glsim.eval.report.document import TEXTS, CaptionedPng, Document, Heading, TextTable, html_page
@@ -25,7 +24,7 @@ def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Doc
     """Return the tables of all measures, with a description of the recording."""
     distances = [f"{near:g}-{far:g} m" for near, far in pairwise(BINS_M)]
     units = f"{scores.scenes} static scenes" if scores.by_scene else "tiles of 64 x 64 px"
-    page = Document(f"Real frames: {scores.title}")
+    page = Document(f"{scores.title}: {scores.kind}")
     page.parts += [
         _TEXTS["head"].format(
             frames=len(scores.checksums),
@@ -117,10 +116,10 @@ def write_real_frames(
     page = real_frames_document(scores, remarks)
     paths = [out / "table.md", out / "scores.json"]
     write_atomic(page.markdown().encode(), paths[0])
-    write_atomic((json.dumps(scores.as_json(), indent=1) + "\n").encode(), paths[1])
+    write_atomic(json_text(scores.as_json()), paths[1])
     if pictures:
         for picture in pictures:
             write_atomic(picture.png, out / "figures" / f"{picture.name}.png")
         paths.append(out / "report.html")
-        write_atomic(html_page("Denoisers on real frames", [page], pictures).encode(), paths[-1])
+        write_atomic(html_page(f"Denoisers on {scores.kind}", [page], pictures).encode(), paths[-1])
     return paths

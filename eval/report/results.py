@@ -18,6 +18,7 @@ from glsim.eval.report.figures.panels import PANEL_ROWS, method_panels
 from glsim.eval.report.figures.style import to_png
 from glsim.eval.report.score_tables import (
     ResultTable,
+    in_order,
     note_documents,
     result_documents,
     table_markdown,
@@ -85,7 +86,7 @@ def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
     example = example_frame(job)
     if example is not None:
         frame, maps, title = example
-        names = [name for name in maps if name in summary.methods]
+        names = in_order(summary, [name for name in maps if name in summary.methods])
         sheets = max(1, -(-len(names) // _COLUMNS))
         for sheet in range(sheets):
             # Methods are spread evenly, so that no figure has a single column.
@@ -95,7 +96,11 @@ def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
                 for name in names[first:last]
             }
             figure = method_panels(frame, titled, PANEL_ROWS, title)
-            caption = "One frame denoised by every method, in the same scale."
+            caption = "One frame in the same scale; errors: red is too far, blue too near."
+            if sheet == 0:
+                caption += (
+                    " Truth, input, the best method inside surfaces, the best filter, others."
+                )
             pictures.append(CaptionedPng(f"gallery_{sheet + 1}", caption, to_png(figure)))
     return pictures
 

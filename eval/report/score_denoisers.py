@@ -10,7 +10,7 @@ from glsim.core.errors import DatasetError, DenoiserError
 from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.report.document import Document
 from glsim.eval.report.results import write_results
-from glsim.eval.report.score_tables import ResultTable, winners, worse_inside
+from glsim.eval.report.score_tables import ResultTable, result_lines
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.evaluate import Evaluation, ScoringProgress, evaluate
 from glsim.eval.scoring.trained_networks import TrainedNetworks, group_by_network
@@ -61,12 +61,5 @@ def score_denoisers(
             f"{len(trained.refused)} of the checkpoints in {trained.folder} were skipped, the "
             f"first: {trained.refused[0]}"
         )
-    shown = evaluation.summary.one_composite()
-    harms = worse_inside({name: table[name] for name in shown.methods})
-    return written, [
-        *(line.replace("`", "") for line in winners(shown)),
-        *(
-            f"{name} is worse inside than its input: {ours:.3g} against {before:.3g} mm"
-            for name, (ours, before) in harms.items()
-        ),
-    ]
+    lines = result_lines(evaluation.summary.one_composite())
+    return written, [line.replace("`", "") for line in lines]

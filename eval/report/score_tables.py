@@ -5,13 +5,14 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping, Sequence
+from itertools import compress
 from pathlib import Path
 from typing import Final
 
 from glsim.core.depth_map import FLYING_MM
 from glsim.core.depth_protocol import MEANING
 from glsim.core.units import MM_PER_M
-from glsim.denoise.registry import denoiser_names
+from glsim.denoise.registry import NETWORKS, denoiser_names
 from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.metric import GROUPS, Metric
 from glsim.eval.metrics.regions import REGION_METRICS
@@ -26,8 +27,8 @@ ResultTable = dict[str, dict[str, MetricMean]]
 
 #: Sections of table.md: title -> metrics; table.csv has all metrics.
 TABLE_SECTIONS: Final[dict[str, list[str]]] = {
-    title: [m.name for m in METRICS.values() if m.in_table and GROUPS[m.group] == title]
-    for title in dict.fromkeys(reversed(GROUPS.values()))
+    title: [m.name for m in METRICS.values() if m.in_table and m.group == group]
+    for group, title in GROUPS.items()
 }
 #: A method harms surfaces if this metric is worse than its input's; label of the input in tables.
 _INSIDE, _INPUT = "input_interior_rmse_mm", "noisy"
@@ -60,23 +61,29 @@ def best_methods(table: ResultTable, metric: Metric) -> set[str]:
     return {name for name, value in known.items() if format_number(value, metric.unit) == top}
 
 
-def worse_inside(table: ResultTable) -> dict[str, tuple[float, float]]:
-    """Return the methods with a larger error inside surfaces than their input.
+def in_order(summary: ScoreSummary, methods: Sequence[str]) -> list[str]:
+    """Sort methods for figures: the input, the best inside, the best filter, the others."""
+    means = {name: summary.mean(name, _INSIDE) for name in methods if name != _INPUT}
+    ranked = sorted((n for n in means if not math.isnan(means[n])), key=means.__getitem__)
+    filters = {*denoiser_names()} - {*NETWORKS}
+    best_filter = [name for name in ranked if _denoiser(name) in filters][:1]
+    first = [name for name in (_INPUT, *ranked[:1], *best_filter) if name in methods]
+    return list(dict.fromkeys([*first, *methods]))
 
-    Returns method -> (RMSE of the method, RMSE of its input), mm, on interior pixels of the input.
-    """
-    means = {name: entries[_INSIDE].mean for name, entries in table.items() if _INSIDE in entries}
-    before = means.get(_INPUT, math.nan)
-    return {name: (mean, before) for name, mean in means.items() if mean > before}
+
+def _denoiser(label: str) -> str:
+    """Return the denoiser's name in a label such as "guided:radius=2" or "face [measured]"."""
+    return re.split("[: ]", label)[0]
 
 
 #: Metric -> what its winner is best at.
 _CONTESTS: Final = {_INSIDE: "inside surfaces", "flips_px": "in which pixels have depth"}
 
 
-def winners(summary: ScoreSummary) -> list[str]:
+def result_lines(summary: ScoreSummary) -> list[str]:
     """Say for surfaces and masks which method is best, and how the user's best one stands to it.
 
+    Then say which methods have a larger error than their input on its interior pixels.
     Differences are paired by subject. A method of the user has a label that no denoiser of glsim
     has.
     """
@@ -87,7 +94,7 @@ def winners(summary: ScoreSummary) -> list[str]:
         if len(order) < 2:
             continue
         first, second = order[:2]
-        own = next((m for m in order if re.split("[: ]", m)[0] not in shipped), first)
+        own = next((m for m in order if _denoiser(m) not in shipped), first)
         for other in dict.fromkeys((second, second if own == first else own)):
             gap = paired_difference(summary.values(first, name), summary.values(other, name))
             unit = METRICS[name].unit
@@ -101,7 +108,14 @@ def winners(summary: ScoreSummary) -> list[str]:
             else:
                 line = f"and `{other}` are not told apart {what}: {size} {unit}{interval}, {people}"
             lines.append(f"`{first}` {line}.")
-    return lines
+    inside = {method: summary.mean(method, _INSIDE) for method in summary.methods}
+    before = inside.get(_INPUT, math.nan)
+    worse = "is worse inside than its input"
+    return lines + [
+        f"`{method}` {worse}: {mean:.3g} against {before:.3g} mm"
+        for method, mean in inside.items()
+        if mean > before
+    ]
 
 
 def _minus_best(summary: ScoreSummary) -> dict[str, str]:
@@ -145,7 +159,7 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
             scores.parts.append(TEXTS["scores"]["paper"])
         gaps = _minus_best(evaluation.summary) if _INSIDE in names else {}
         scores.parts.append(_table(table, metrics, heads, intervals=enough, gaps=gaps))
-    won = [Document("Result", [winners(evaluation.summary)])]
+    won = [Document("Result", [result_lines(evaluation.summary)])]
     others = (_region_document(table), _bias_document(evaluation.summary), _baselines(evaluation))
     return [*won, scores, *(document for document in others if document is not None)]
 
@@ -167,19 +181,23 @@ def _table(
     intervals: bool = False,
     gaps: Mapping[str, str] | None = None,
 ) -> TextTable:
-    """Return a row per method, best means bold; ``gaps`` stand beside the error inside surfaces."""
+    """Return a row per method, best means bold, without metrics that no frame has.
+
+    ``gaps`` stand beside the error inside surfaces.
+    """
+    known = [any(entries[m.name].frames for entries in table.values()) for m in metrics]
+    metrics, heads = ([*compress(each, known)] for each in (metrics, heads))
     tops = {m.name: best_methods(table, m) for m in metrics}
     rows = []
-    harms = worse_inside(table)
     for method, entries in table.items():
-        cells = [f"`{method}`{' (worse inside than its input)' if method in harms else ''}"]
+        cells = [f"`{method}`"]
         for m in metrics:
             entry = entries[m.name]
             numbers = (entry.mean, entry.low, entry.high)
             mean, low, high = (format_number(number, m.unit) for number in numbers)
             text = f"**{mean}**" if method in tops[m.name] else mean
-            known = intervals and not math.isnan(entry.low)
-            cells.append(f"{text} [{low}, {high}]" if known else text)
+            spread = intervals and not math.isnan(entry.low)
+            cells.append(f"{text} [{low}, {high}]" if spread else text)
         rows.append(cells)
     head = ["method", *heads]
     if gaps:

@@ -55,13 +55,9 @@ class _Commands(TyperGroup):
 
 
 app = typer.Typer(
-    name="glsim",
-    cls=_Commands,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="rich",
-    context_settings={"help_option_names": ["-h", "--help"]},
-)
+    name="glsim", cls=_Commands, no_args_is_help=True, pretty_exceptions_enable=False,
+    rich_markup_mode="rich", context_settings={"help_option_names": ["-h", "--help"]},
+)  # fmt: skip
 for _name, (_heading, _, _help) in _COMMANDS.items():
     app.command(_name, help=_help, rich_help_panel=_heading)(lambda: None)
 

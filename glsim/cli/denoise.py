@@ -77,23 +77,13 @@ def denoise(
     if form is not None and form not in FORMATS:
         raise ConfigError(f"--format {form}: {did_you_mean(form, FORMATS)}")
     recording = open_maps(
-        noisy,
-        unit_mm=depth_unit_mm,
-        channel=channel,
-        infrared=infrared,
-        crops=device is not None,
-        needs_camera=False,
-        along_rays=along_ray,
-    )
+        noisy, unit_mm=depth_unit_mm, channel=channel, infrared=infrared,
+        crops=device is not None, needs_camera=False, along_rays=along_ray,
+    )  # fmt: skip
     writer = MapWriter(
-        recording,
-        noisy,
-        out,
-        form,
-        given_mm=out_unit_mm,
-        finest_mm=_FINEST_MM,
-        sigma_out=uncertainty,
-    )
+        recording, noisy, out, form,
+        given_mm=out_unit_mm, finest_mm=_FINEST_MM, sigma_out=uncertainty,
+    )  # fmt: skip
     name, note = denoiser, ""
     if name is None:
         name, because = choose_network(recording)

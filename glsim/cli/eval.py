@@ -123,14 +123,9 @@ def evaluate(
     if truth not in get_args(TruthLayer):
         raise ConfigError(f"--truth {truth}: {did_you_mean(truth, get_args(TruthLayer))}")
     job = ScoringJob(
-        dataset,
-        split,
-        tuple(denoiser or ()),
-        focal_px,
-        truth=cast(TruthLayer, truth),
-        device=device,
-        protocol=check_protocol(protocol),
-    )
+        dataset, split, tuple(denoiser or ()), focal_px, truth=cast(TruthLayer, truth),
+        device=device, protocol=check_protocol(protocol),
+    )  # fmt: skip
     trained = None if runs is None else find_trained_runs(runs)
     score = partial(score_denoisers, trained=trained)
     tuned = _add_tuned_filters if tune_filters else None

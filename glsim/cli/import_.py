@@ -69,16 +69,9 @@ def biwi(
 
     with generation_progress() as progress:
         summary = import_biwi(
-            root,
-            out,
-            every=every,
-            subjects=subjects,
-            frames_per_subject=frames_per_subject,
-            split=split,
-            workers=worker_count(workers),
-            backend=backend,
-            progress=progress,
-        )
+            root, out, every=every, subjects=subjects, frames_per_subject=frames_per_subject,
+            split=split, workers=worker_count(workers), backend=backend, progress=progress,
+        )  # fmt: skip
     print_summary(summary, out)
 
 
@@ -117,14 +110,7 @@ def kinect2(
 
     with generation_progress() as progress:
         summary = import_recordings(
-            root,
-            out,
-            depth_unit_mm=depth_unit_mm,
-            mirror=mirror,
-            every=every,
-            split=split,
-            topic=topic,
-            workers=worker_count(workers),
-            progress=progress,
-        )
+            root, out, depth_unit_mm=depth_unit_mm, mirror=mirror, every=every, split=split,
+            topic=topic, workers=worker_count(workers), progress=progress,
+        )  # fmt: skip
     print_summary(summary, out)

@@ -178,12 +178,9 @@ class _BlockRenderer:
         self._pairs: dict[tuple[int, int], list[NDArray[np.float32]]] = {}
         self._frames_due = 0.0
         frames = simulate(
-            self._stream.settings,
-            self._tasks(),
-            sources=self._stream.sources,
-            backend=stream.backend,
-            layers=("noisy", stream.target),
-        )
+            self._stream.settings, self._tasks(), sources=self._stream.sources,
+            backend=stream.backend, layers=("noisy", stream.target),
+        )  # fmt: skip
         self._frames = cast("Generator[Frame | Skipped]", frames)
 
     def _tasks(self) -> Iterator[Task]:

@@ -1,4 +1,4 @@
-"""Figure that compares methods: rows of depth, errors, normals, side views and a scan line.
+"""Figure that compares methods: rows of depth, errors, normals and side views.
 
 The first column is the truth; a column per method follows, with the truth's colour scales.
 """
@@ -18,18 +18,17 @@ from glsim.core.units import add_offset, to_metres
 from glsim.eval.report.figures.side_view import FLYING, TURN_DEG, half_width_mm, side_view
 from glsim.eval.report.figures.style import add_note, matplotlib, new_figure
 
-PanelRow = Literal["depth", "error", "normals", "side", "scan"]
+PanelRow = Literal["depth", "error", "normals", "side"]
 #: Kind of panels in a row -> labels left of and below its first panel.
 _LABELS: Final[dict[PanelRow, tuple[str, str]]] = {
     "depth": ("depth\nrow [px]", "column [px]"),
     "error": ("prediction - truth\nrow [px]", "column [px]"),
     "normals": ("normals\nrow [px]", "column [px]"),
     "side": (f"from {TURN_DEG:.0f}°\nup [mm]", "right [mm]"),
-    "scan": ("scan line\ndepth [mm]", "column [px]"),
 }
 #: Kind of panels -> label of its colour bar.
 _BARS: Final = {"depth": "depth [mm]", "error": "← too near   [mm]   too far →"}
-PANEL_ROWS: Final[tuple[PanelRow, ...]] = ("depth", "error", "normals", "side", "scan")
+PANEL_ROWS: Final[tuple[PanelRow, ...]] = ("depth", "error", "normals", "side")
 _TEXT_SIZE: Final = 6
 #: Side of a panel; width for labels left and right; height for labels above and below, inch.
 _PANEL_IN, _SIDES_IN, _ENDS_IN = 1.35, 1.3, 1.1
@@ -41,8 +40,6 @@ _ERROR_RANGE_MM: Final = 10.0
 _NOTHING, _FALSE_VALID, _FALSE_INVALID = "#dcdcdc", "#ffc20a", "#1a1a1a"
 #: Margin around the face, px.
 _MARGIN_PX: Final = 6
-#: Margin around the nearest and farthest depth of scan lines, mm.
-_MARGIN_MM: Final = 25.0
 #: Distance of the paper's faces, mm; assumed for a face at an unknown distance.
 _ASSUMED_MM: Final = 900.0
 
@@ -106,20 +103,10 @@ def _draw(
         slice(max(0, first - _MARGIN_PX), last + 1 + _MARGIN_PX)
         for first, last in (_ends(seen.any(axis=1)), _ends(seen.any(axis=0)))
     )
-    nose = int(np.argmin(np.where(seen, clean, np.inf).min(axis=1)))  # the row of the nearest point
-    if kind == "scan":
-        low, high = _depth_range(frame.clean_mm)
-        for map_, colour, width in ((clean, "#888888", 1.5), (depth, "#0072b2", 0.6)):
-            line = np.where(map_[nose] > 0, map_[nose], np.nan)
-            axis.plot(line, color=colour, linewidth=width)
-        axis.set_xlim(columns.start, columns.stop)
-        axis.set_ylim(high + _MARGIN_MM, low - _MARGIN_MM)
-        return
     picture: Any
     marks: list[tuple[Any, str]] = [(depth <= 0, _NOTHING)]
     if kind == "depth":
         picture = mappings["depth"].to_rgba(depth)[..., :3]
-        axis.axhline(nose, color="black", linewidth=0.4, linestyle=":")
     elif kind == "error":
         picture = mappings["error"].to_rgba(depth - clean)[..., :3]
         marks = [

@@ -82,19 +82,10 @@ def parameter_control(name: str, parameter: Parameter, start: Distribution) -> C
     low, high = parameter.low, parameter.high
     least, most = parameter.slider or _shown(parameter, start)
     return Control(
-        name,
-        parameter.name,
-        parameter.type,
-        low,
-        high,
-        least,
-        most,
-        "" if parameter.unit == "1" else parameter.unit,
-        parameter.help,
-        start,
-        parameter.log_scale and least > 0,
-        own_step=parameter.step,
-    )
+        name, parameter.name, parameter.type, low, high, least, most,
+        "" if parameter.unit == "1" else parameter.unit, parameter.help, start,
+        parameter.log_scale and least > 0, own_step=parameter.step,
+    )  # fmt: skip
 
 
 def _shown(parameter: Parameter, start: Distribution) -> tuple[float, float]:
