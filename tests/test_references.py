@@ -16,7 +16,6 @@ from functools import cache
 
 import pytest
 
-from glsim.cli.common import FORMER_OPTIONS
 from glsim.core.plugins import GROUPS
 from scripts.reference.commands import commands, options_of
 from tests.support.imports import ROOT, all_modules, imported_modules
@@ -202,7 +201,7 @@ def unknown_places(text: str) -> list[str]:
 
 @pytest.mark.parametrize("module", sorted(MODULES))
 def test_a_module_names_what_there_is(module: str) -> None:
-    declared = {*FORMER_OPTIONS}.union(*options().values())
+    declared = set[str]().union(*options().values())
     for text in python_texts(SOURCE[module]):
         if text not in declared:
             assert unknown_options(text, speakers()[module]) == []

@@ -186,7 +186,7 @@ def _table(
     ``gaps`` stand beside the error inside surfaces.
     """
     known = [any(entries[m.name].frames for entries in table.values()) for m in metrics]
-    metrics, heads = ([*compress(each, known)] for each in (metrics, heads))
+    metrics, heads = list(compress(metrics, known)), list(compress(heads, known))
     tops = {m.name: best_methods(table, m) for m in metrics}
     rows = []
     for method, entries in table.items():

@@ -57,10 +57,10 @@ def _folder_frames(
     found = {truth: truths, "noisy": noisy_maps}
     stems = sorted({*found[truth], *found["noisy"]}, key=lambda stem: (_key(stem), stem))
     same = {m.file for m in truths.values()} & {m.file for m in noisy_maps.values()}
-    if same or not stems:
+    if same or not (truths and noisy_maps):
         raise DatasetError(
             f"{path}: is no data set of glsim (it has no {HEADER}), and holds no pairs of "
-            f"*_{truth} and *_noisy depth maps; glsim eval-real scores frames of a real camera"
+            f"*_{truth} and *_noisy depth maps; frames of a camera: glsim eval-real {path}"
         )
     protocol: DepthProtocol = "depth"
     with suppress(DatasetError, LookupError):  # scoring reports the frame later

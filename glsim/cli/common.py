@@ -214,15 +214,6 @@ _GOES_ON = {
     "tune": "the same command has its last settings",
     **dict.fromkeys(("eval", "generate", "import", "paper"), "run the same command again to go on"),
 }
-#: Settings that older versions of ``generate`` and ``render`` had as options.
-FORMER_OPTIONS = {
-    "--crop": "output.crop",
-    "--depth-unit-mm": "output.depth_unit_mm",
-    "--format": "output.format",
-    "--framing": "source.framing",
-    "--layers": "output.layers",
-    "--split": "split",
-}
 
 
 def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -> int:
@@ -249,7 +240,7 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
         sys.stdout.flush()
         return result if isinstance(result, int) else 0
     except typer.TyperException as error:  # wrong usage
-        message = _former_option(error, words)
+        message = _option_advice(error, words)
         message = message or getattr(error, "format_message", error.__str__)()
         if message:  # ``glsim`` without arguments prints its help and has no message
             sys.stderr.write(f"glsim: error: {message} (see --help)\n")
@@ -268,18 +259,25 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
         return _report_error(error, 1)
 
 
-def _former_option(error: typer.TyperException, arguments: list[str]) -> str | None:
-    """Return the advice for an unknown option that is now a setting, or the start of another."""
+def _option_advice(error: typer.TyperException, arguments: list[str]) -> str | None:
+    """Return the advice for an unknown option that is a setting, or the start of another."""
     context = getattr(error, "ctx", None)
     command = getattr(context, "info_name", "")
     option = getattr(error, "option_name", "")
     known = [name for param in context.command.params for name in param.opts] if context else []
     if longer := [name for name in known if len(option) > 2 and name.startswith(option)]:
         return f"No such option: {option}, did you mean {' or '.join(longer)}?"
-    if option not in FORMER_OPTIONS or command not in ("generate", "render"):
+    if not option or command not in ("generate", "render"):
         return None
+    from glsim.settings.schema import Settings
+    from glsim.settings.toml_tables import flattened
+
+    tree = flattened(Settings().model_dump(mode="json"))
+    names = (name.replace(".0.", ".").removesuffix(".constant") for name in tree)
+    wanted = option.removeprefix("--").replace("-", "_")
+    named = [name for name in names if name.split(".")[-1] == wanted]
     words = [*" ".join(arguments).partition(option)[2].replace("=", " ", 1).split(), "VALUE"]
-    return f"{option} is a setting: --set {FORMER_OPTIONS[option]}={words[0]}"
+    return f"{option} is a setting: --set {named[0]}={words[0]}" if named else None
 
 
 def _print_any_character() -> None:

@@ -16,7 +16,7 @@ class _KindFinder(TyperGroup):
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Insert the command before a path: biwi if a template NN.obj is beside a folder NN."""
-        if args and args[0] not in self.commands and Path(args[0]).exists():
+        if args and args[0] not in self.commands and not args[0].startswith("-"):
             args = ["biwi" if any(Path(args[0]).glob("[0-9][0-9].obj")) else "kinect2", *args]
         return super().parse_args(ctx, args)
 

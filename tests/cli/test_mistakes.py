@@ -185,12 +185,12 @@ def test_an_output_that_must_not_be_written(
         ("generate --crop 128 -o new", "output.crop=128"),
         ("generate -o new --split=0.8,0.1,0.1", "split=0.8,0.1,0.1"),
         ("generate -o new --depth-unit-mm .1", "output.depth_unit_mm=.1"),
-        ("generate -o new --framing", "source.framing=VALUE"),
+        ("generate -o new --yaw-deg", "pose.yaw_deg=VALUE"),
         ("render face.obj --layers clean", "output.layers=clean"),
         ("render face.obj --format webdataset", "output.format=webdataset"),
     ],
 )
-def test_options_of_older_versions_are_answered_with_their_settings(
+def test_settings_that_are_given_as_options_are_named(
     line: str, assignment: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(shlex.split(line)) == 2

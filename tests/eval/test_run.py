@@ -149,9 +149,14 @@ def test_what_cannot_be_scored_at_all(pairs: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(DatasetError, match="no pairs"):
         run(tmp_path / "empty", tmp_path / "o", "noisy")
-    for file in pairs.rglob("*_noisy.png"):
+    first, *others = sorted(pairs.rglob("*_noisy.png"))
+    for file in others:
         file.unlink()
-    with pytest.raises(DatasetError, match=r"no frame could be scored, 12 are bad; .* is missing"):
+    first.rename(first.with_name("alone_noisy.png"))
+    with pytest.raises(DatasetError, match=r"no frame could be scored, 13 are bad; .* is missing"):
+        run(pairs, tmp_path / "o", "noisy")
+    first.with_name("alone_noisy.png").unlink()
+    with pytest.raises(DatasetError, match="frames of a camera: glsim eval-real"):
         run(pairs, tmp_path / "o", "noisy")
 
 
@@ -218,8 +223,7 @@ def test_a_ruined_method_is_marked_though_the_papers_metrics_praise_it(
     monkeypatch.syspath_prepend(str(here))
     command = ["eval", str(pairs), "-d", "ruin:bend", "-d", "masked_gaussian", "-o", "out"]
     assert main([*command, "--no-figures"]) == 0
-    said = capsys.readouterr().err
-    assert "left out" not in said, "clean maps are read, too"
+    assert "left out" not in (said := capsys.readouterr().err), "clean maps are read, too"
     (last,) = [line for line in said.splitlines() if "worse" in line]
     assert re.fullmatch(r"ruin:bend is worse inside than its input: 30\.\d against \S+ mm", last)
     text = (here / "out" / "table.md").read_text()

@@ -184,7 +184,10 @@ def read_mesh(path: Path) -> FileMesh:
     """Read a mesh file in its own unit and axes, and drop degenerate parts. Raises MeshError."""
     suffix = path.suffix.lower()
     if path.is_dir():
-        raise MeshError(f"{path}: is a directory, not a mesh; the source 'folder' reads trees")
+        raise MeshError(
+            f"{path}: is a folder, not a mesh: name a mesh in it, or take all by glsim generate "
+            f"--source folder --root {path} -o data"
+        )
     if suffix not in EXTENSIONS:
         raise MeshError(
             f"{path}: {suffix or 'a file without extension'} is not a mesh format glsim reads "

@@ -190,7 +190,7 @@ def test_bad_files_give_one_clear_line(
 def test_missing_files_and_folders_are_named(tmp_path: Path) -> None:
     with pytest.raises(MeshError, match=r"nobody\.obj: cannot be read \(No such file"):
         load_mesh(tmp_path / "nobody.obj")
-    with pytest.raises(MeshError, match="is a directory, not a mesh"):
+    with pytest.raises(MeshError, match="is a folder, not a mesh"):
         load_mesh(tmp_path)
 
 
