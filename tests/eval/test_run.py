@@ -223,7 +223,8 @@ def test_a_ruined_method_is_marked_though_the_papers_metrics_praise_it(
     monkeypatch.syspath_prepend(str(here))
     command = ["eval", str(pairs), "-d", "ruin:bend", "-d", "masked_gaussian", "-o", "out"]
     assert main([*command, "--no-figures"]) == 0
-    assert "left out" not in (said := capsys.readouterr().err), "clean maps are read, too"
+    said = capsys.readouterr().err
+    assert "left out" not in said, "clean maps are read, too"
     (last,) = [line for line in said.splitlines() if "worse" in line]
     assert re.fullmatch(r"ruin:bend is worse inside than its input: 30\.\d against \S+ mm", last)
     text = (here / "out" / "table.md").read_text()
