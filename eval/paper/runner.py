@@ -115,7 +115,10 @@ class Runner:
             if report["state"] == "interrupted":
                 raise KeyboardInterrupt
 
-        inputs = [recipe.model_dump(mode="json"), [self._name(each) for each in data]]
+        inputs = [
+            recipe.model_dump(mode="json", exclude={"assignments"}),
+            [self._name(each) for each in data],
+        ]
         self.step(f"train {self._name(folder)}", run, inputs, folder / "best.pt")
 
     def _name(self, folder: Path) -> str:

@@ -183,10 +183,8 @@ def test_an_output_that_must_not_be_written(
     ("line", "assignment"),
     [
         ("generate --crop 128 -o new", "output.crop=128"),
-        ("generate -o new --split=0.8,0.1,0.1", "split=0.8,0.1,0.1"),
-        ("generate -o new --depth-unit-mm .1", "output.depth_unit_mm=.1"),
+        ("generate -o new --depth-unit-mm=.1", "output.depth_unit_mm=.1"),
         ("generate -o new --yaw-deg", "pose.yaw_deg=VALUE"),
-        ("render face.obj --layers clean", "output.layers=clean"),
         ("render face.obj --format webdataset", "output.format=webdataset"),
     ],
 )
