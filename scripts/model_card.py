@@ -39,13 +39,12 @@ _TRAINED: Final[dict[str, tuple[str, ...]]] = {
 _METRICS: Final = {"input_interior_rmse_mm": 2, "normal_mean_deg": 1, "ring_lost_pct": 0}
 
 
-def scored(folder: Path, sensor: str, assignments: list[str]) -> dict[str, str]:
+def scored(folder: Path, sensor: str, changes: list[str], methods: list[str]) -> dict[str, str]:
     """Generate and score a set; return method -> its means. Exits with the status of a failure."""
-    methods = ["noisy", *_TRAINED, *_FILTERS]
     data, scores = (str(folder / name) for name in ("data", "scores"))
     generate = ["generate", "-o", data, "--preset", "still-views", "--sensor", sensor]
     evaluate = ["eval", data, "-o", scores, "--truth", "expected", "--no-figures"]
-    generate += [part for text in assignments for part in ("--set", text)]
+    generate += [part for text in changes for part in ("--set", text)]
     evaluate += [part for method in methods for part in ("-d", method)]
     if status := glsim(generate) or glsim(evaluate):
         sys.exit(status)
@@ -64,11 +63,12 @@ def main() -> None:
     """Score all sets and print the table as Markdown."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path, help="for 100 MB of data and the scores")
-    folder = parser.parse_args().folder
-    columns = ["noisy", *_TRAINED, *_FILTERS]
+    parser.add_argument("networks", nargs="*", default=list(_TRAINED), help="default: the shipped")
+    arguments = parser.parse_args()
+    columns = ["noisy", *arguments.networks, *_FILTERS]
     rows = []
     for number, (name, (sensor, assignments)) in enumerate(SETS.items()):
-        means = scored(folder / str(number), sensor, assignments)
+        means = scored(arguments.folder / str(number), sensor, assignments, columns)
         for network, sensors in _TRAINED.items():
             means[network] = means.get(network, "") + " †" * (sensor in sensors)
         rows.append([name, *(means.get(column, "") for column in columns)])
