@@ -56,9 +56,10 @@ def fitted(planted: dict[str, float], seed: int) -> PlantedTrials:
 
 
 COARSE = {"device_grain_px": 4.0, "device_sigma_px": 0.09, "device_fine": 0.05}
+FINE = pytest.param({"device_fine": 0.2, "device_sigma_px": 0.1}, marks=pytest.mark.long)
 
 
-@pytest.mark.parametrize("planted", [{"device_fine": 0.2, "device_sigma_px": 0.1}, COARSE])
+@pytest.mark.parametrize("planted", [FINE, COARSE])
 def test_a_devices_own_error_comes_back(planted: dict[str, float]) -> None:
     fit = fitted(planted, 31)
     for name, expected in (BASE | planted).items():

@@ -344,7 +344,7 @@ TABLE |= {
     "depth.txt": (beside("1.5 depth/1.png"), FOLDER),
 }  # fmt: skip
 #: Readers whose files are read in every run of the tests.
-QUICK = {".ply", ".glb", ".png", ".npy", ".bag"}
+QUICK = {".ply", ".png", ".npy", ".bag"}
 #: Readers that share the code of another.
 SAME = {
     ".tif": ".tiff",

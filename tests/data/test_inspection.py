@@ -89,6 +89,7 @@ def test_the_command_fails_in_one_line(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 @needs_others
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["d3dfacs_alignments", "FaceWarehouse", "hpdb"])
 def test_whole_trees(name: str, tmp_path: Path) -> None:
     path = str(OTHERS / name)

@@ -114,6 +114,7 @@ def test_an_open_mouth_does_not_disturb() -> None:
     assert estimate_alignment(face, triangles).axes == "+x+y+z"
 
 
+@pytest.mark.long
 def test_no_nose_is_an_error_or_with_given_axes_a_doubt() -> None:
     flat = FACE.copy()
     flat[:, 2] = 40 - flat[:, 0] ** 2 / 160 - flat[:, 1] ** 2 / 440
