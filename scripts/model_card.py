@@ -36,7 +36,7 @@ _TRAINED: Final[dict[str, tuple[str, ...]]] = {
     "face-stereo": ("realsense-d435",),
 }  # fmt: skip
 #: Metric -> digits of its means.
-_METRICS: Final = {"input_interior_rmse_mm": 2, "normal_mean_deg": 1, "ring_lost_pct": 0}
+_METRICS: Final = {"input_interior_median_mm": 2, "normal_mean_deg": 1, "ring_lost_pct": 0}
 
 
 def scored(folder: Path, sensor: str, changes: list[str], methods: list[str]) -> dict[str, str]:
