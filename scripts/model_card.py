@@ -21,10 +21,9 @@ _FRONT: Final = 'pose.yaw_deg={ uniform = [-60, 60], per = "sequence" }'
 SETS: Final = {
     "bare heads, `kinect-v2`": ("kinect-v2", ["appearance.wear=never", _FRONT]),
     "dressed, `kinect-v2-sdk`, wall": ("kinect-v2-sdk", [_WALL]),
-    "`azure-kinect`": ("azure-kinect", []),
+    "`azure-kinect`, `femto-bolt`": ("azure-kinect", []),
     "`kinect-v2-fast`": ("kinect-v2-fast", []),
     "`kinect-v2-fankhauser`, wall": ("kinect-v2-fankhauser", [_WALL]),
-    "`femto-bolt`": ("femto-bolt", []),
     "`kinect-v1`": ("kinect-v1", []),
     "`realsense-d435`": ("realsense-d435", [_NEAR]),
     "`oak-d-pro`": ("oak-d-pro", []),
