@@ -48,11 +48,9 @@ def merge_meshes(*meshes: Mesh) -> Mesh:
 
 
 def rectangle(
-    x_mm: tuple[float, float],
-    y_mm: tuple[float, float],
-    z_mm: float | tuple[float, float],
+    x_mm: tuple[float, float], y_mm: tuple[float, float], z_mm: float | tuple[float, float],
     albedo: float = 1.0,
-) -> Mesh:
+) -> Mesh:  # fmt: skip
     """Build an upright rectangle.
 
     Args:

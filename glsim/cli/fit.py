@@ -34,23 +34,20 @@ def fit(
 
     Record 60 frames or more: the camera at rest, a still wall and furniture at the distances that
     you use, at best one wall at a slant, and a head if faces are the aim. What moves is masked.
-    Without infrared the fit uses distances, and assumes that all surfaces have the albedo --albedo;
-    with infrared, that the brightest surfaces have it. Wiggling needs undistorted frames of plane
-    walls that cover 0.65 m of distances or more. A plain wall shows the fixed pattern, which is
-    also written as a map: NAME_fixed_pattern.npy, float32 mm, (rows, columns), NaN where unknown.
+    Without infrared all surfaces have the albedo --albedo; with infrared, the brightest have it.
+    Wiggling needs undistorted frames of plane walls that cover 0.65 m of distances or more. The
+    fixed pattern is also written as a map: NAME_fixed_pattern.npy, float32 mm, NaN where unknown.
 
     The base sensor is the nearest by its depths (the steps of disparity, focal length times
     baseline), the size and unit of its frames and the correlation of its noise; rivals are printed.
-    If two are close, --base must name it. For cameras that match images the fit finds focal length
-    times baseline, the temporal and the static noise of disparity, the static one's correlation,
-    and the single holes: it renders the recording's own surfaces through variants of the base. What
-    a recording does not show, or what brings all figures together no nearer, stays the base's.
+    If two are close, --base must name it. For cameras that match images, and Azure Kinects, the fit
+    renders the recording's own surfaces through variants of the base. What a recording does not
+    show, or what brings all figures together no nearer, stays the base's.
 
     The fit uses the first half of the frames. The second half is compared with its replay through
-    base and fitted sensor: noise that changes and noise that stays, its correlation, single holes,
-    gaps and residuals, with standard errors. The table stands in the head of the written file. The
-    exit status is 1 if the fitted sensor is not better than its base by two standard errors: take
-    the base then. Fewer than 8 frames are not halved.
+    base and fitted sensor. The table, with standard errors, stands in the head of the written file.
+    The exit status is 1 if the fitted sensor is not better than its base by two standard errors:
+    take the base then. Fewer than 8 frames are not halved.
 
     Args:
         frames: A recording as glsim import kinect2 reads it, a data set, or files.

@@ -41,6 +41,8 @@ _THINNED_FROM, _EVERY_PX = 50_000, 8
 #: successive frames, in _LEAST_DRIFTING frames or more. All chosen, not measured.
 _MOST_SIGMAS, _MOVING_AREA, _AROUND_PX = 8.0, 0.4, 8
 _MOST_DRIFT, _LEAST_DRIFTING = 2.5, 6
+#: Layer of depths before the mask, mm.
+UNMASKED_LAYER = "unmasked_mm"
 _NOISE_CLASSES_MM = np.geomspace(200.0, 8000.0, 25)
 #: From this number of frames on only neighbours in time are compared.
 _ALL_PAIRS_BELOW = 80
@@ -92,10 +94,8 @@ def mask_moving(frames: Sequence[DepthFrame]) -> tuple[list[DepthFrame], float]:
     side = np.ones((2 * _AROUND_PX + 1,) * 2, np.uint8)
     moving = np.stack([cv2.dilate(image.astype(np.uint8), side) > 0 for image in moving])
     kept = [
-        frame.changed({"noisy_mm": np.where(mask, np.float32(0), frame.noisy_mm)})
-        if mask.any()
-        else frame
-        for frame, mask in zip(frames, moving, strict=True)
+        f.changed({"noisy_mm": np.where(m, np.float32(0), f.noisy_mm), UNMASKED_LAYER: f.noisy_mm})
+        for f, m in zip(frames, moving, strict=True)
     ]
     return kept, float((known & ~moving).sum() / max(int(known.sum()), 1))
 

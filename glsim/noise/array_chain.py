@@ -41,13 +41,9 @@ def array_reach_px(stages: Sequence[Stage], values: StageValues) -> int:
 
 
 def run_array_stages(
-    stages: Sequence[Stage],
-    layers: dict[str, Floats],
-    frame: FrameContext,
-    values: StageValues,
-    *,
+    stages: Sequence[Stage], layers: dict[str, Floats], frame: FrameContext, values: StageValues, *,
     twins: bool = False,
-) -> None:
+) -> None:  # fmt: skip
     """Run the array stages on ``layers``, in place.
 
     With ``twins`` the whole chain is run, and NumPy twins replace the shaders. Raises ConfigError

@@ -175,16 +175,10 @@ class ShaderChain:
     """
 
     def __init__(
-        self,
-        context: moderngl.Context,
-        stages: Sequence[Stage],
-        extra_layers: Sequence[str] = (),
-        *,
-        infrared: bool = True,
-        expected: bool = False,
-        images: Mapping[str, Floats] | None = None,
-        linked: LinkedStages | None = None,
-    ) -> None:
+        self, context: moderngl.Context, stages: Sequence[Stage], extra_layers: Sequence[str] = (),
+        *, infrared: bool = True, expected: bool = False,
+        images: Mapping[str, Floats] | None = None, linked: LinkedStages | None = None,
+    ) -> None:  # fmt: skip
         self._context = context
         linked = linked if linked is not None else LinkedStages(context)
         # Extra layers are read back for array stages; otherwise only the layers of a Frame.
@@ -220,16 +214,10 @@ class ShaderChain:
             self._images[name] = Target(texture, Layer(name, "float"), Rect(0, 0, width, height))
 
     def run(
-        self,
-        rendered: Rendered,
-        frame: FrameContext,
-        values: StageValues,
-        readback: Readback,
-        owner: StageLayers | None = None,
-        *,
-        light: Mapping[str, Target] | None = None,
+        self, rendered: Rendered, frame: FrameContext, values: StageValues, readback: Readback,
+        owner: StageLayers | None = None, *, light: Mapping[str, Target] | None = None,
         truth: Mapping[str, Target] | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Draw all stages over the rendered layers, and queue the copy of the result to memory.
 
         Raises ConfigError for a stage that reads a layer of a stage that is switched off.
@@ -263,14 +251,9 @@ class ShaderChain:
         return max((n for n, names in enumerate(writes, 1) if {*LIGHT_LAYERS} & names), default=0)
 
     def _draw(
-        self,
-        rendered: Rendered,
-        frame: FrameContext,
-        values: StageValues,
-        owner: StageLayers,
-        stages: int | None = None,
-        light: Mapping[str, Target] | None = None,
-    ) -> dict[str, Target]:
+        self, rendered: Rendered, frame: FrameContext, values: StageValues, owner: StageLayers,
+        stages: int | None = None, light: Mapping[str, Target] | None = None,
+    ) -> dict[str, Target]:  # fmt: skip
         """Draw all stages, or the first ``stages``, with replaced ``light``; return all layers."""
         pool, silhouette = rendered.pool, rendered.silhouette
         layers = {

@@ -152,11 +152,9 @@ def _bytes(counts: Floats) -> NDArray[np.uint8]:
 
 
 def _align(
-    found: Disparities,
-    left: NDArray[np.uint8],
-    right: NDArray[np.uint8],
+    found: Disparities, left: NDArray[np.uint8], right: NDArray[np.uint8],
     window_px: tuple[int, int],
-) -> tuple[Disparities, Array]:
+) -> tuple[Disparities, Array]:  # fmt: skip
     """Refine disparities: minimise the squared differences between the windows of two images.
 
     It does one step of Lucas and Kanade, "An Iterative Image Registration Technique" (1981), in

@@ -70,13 +70,9 @@ class StagePass:
         self._current: dict[str, float] = {}
 
     def draw(
-        self,
-        pool: TargetPool,
-        layers: Mapping[str, Target],
-        frame: FrameContext,
-        values: Mapping[str, float],
-        within: Silhouette | None = None,
-    ) -> dict[str, Target]:
+        self, pool: TargetPool, layers: Mapping[str, Target], frame: FrameContext,
+        values: Mapping[str, float], within: Silhouette | None = None,
+    ) -> dict[str, Target]:  # fmt: skip
         """Draw the frame's window; return name -> written layer. Raises ConfigError.
 
         The caller gives the returned targets back. Pixels outside ``within`` are skipped.

@@ -185,15 +185,9 @@ _PATCH_PX = 16.0
 
 @lru_cache(maxsize=4)
 def _device_error(
-    device_seed: int,
-    window: Rect,
-    upright: bool,
-    grain_px: float,
-    fine: float,
-    fine_px: float,
-    patches: float,
-    fine_across_px: float,
-) -> Floats:
+    device_seed: int, window: Rect, upright: bool, grain_px: float, fine: float, fine_px: float,
+    patches: float, fine_across_px: float,
+) -> Floats:  # fmt: skip
     """Sample an (h, w) float32 smooth standard normal field, the same in every frame of a device.
 
     Args:

@@ -11,6 +11,7 @@ from glsim.bench.fit.stereo_sensor import Trials
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.rect import Rect
+from glsim.measures.static import mask_moving
 from glsim.noise.stereo_matching import _device_error
 from glsim.sensors.sensor import load_sensor
 from tests.support.planted_frames import frames_of
@@ -108,3 +109,12 @@ def test_planted_noise_gaps_and_holes_come_with_their_errors() -> None:
     ]
     assert len(pulls) > 10
     assert np.mean(np.abs(pulls) > 3.0) < 0.2  # two draws of one camera, errors of five parts
+
+
+def test_gaps_beside_rims_that_flicker_keep_their_width() -> None:
+    first, second, third = wall(1)
+    moved = second.changed({"noisy_mm": np.roll(second.noisy_mm, 4, axis=1)})
+    still, _ = mask_moving([first, moved, third])
+    assert (still[1].noisy_mm == 0).mean() > (moved.noisy_mm == 0).mean() + 0.1
+    found = figures.values_with_errors(Frames.of(still))
+    assert found[figures.GAPS[1]][0] == pytest.approx(6.0, abs=0.2)

@@ -13,7 +13,7 @@ from glsim.bench.fit.base_choice import choose_base
 from glsim.bench.fit.figures import FRAME, STATIC, disparity_figures
 from glsim.bench.fit.stereo_sensor import fit_stereo
 from glsim.bench.modes import find_lattice
-from glsim.bench.scenes import room_corner
+from glsim.bench.scenes import merge_meshes, rectangle, room_corner
 from glsim.cli import main
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError
@@ -152,3 +152,17 @@ def test_a_changed_sensor_comes_back(context: Context, tmp_path: Path) -> None:
         if name.startswith("noise from frame to frame: correlation"):
             assert own[name][0] == pytest.approx(value, abs=0.1), name
     assert own[FRAME][0] == pytest.approx(real[FRAME][0], rel=0.2)
+
+
+@pytest.mark.long
+def test_an_azure_kinects_width_and_light_noise_come_back(context: Context, tmp_path: Path) -> None:
+    base, out = "azure-kinect", tmp_path / "fitted.toml"
+    changes = {"tof_smooth": {"width_px": 2.0}, "tof_taps": {"shot_variance": 0.6}}
+    walls = rectangle((-2700, 600), (-2000, 2000), (2000, 1600), 0.6)
+    scene = merge_meshes(walls, rectangle((600, 2700), (-2000, 2000), (1600, 1200), 0.4))
+    shot = VirtualCamera(base, context, seed=2).capture(scene, 6, None, changes=changes)
+    folder = write_frames(tmp_path / "recording", encoded(shot), shot.stack("infrared"))
+    assert main(["fit", str(folder), "--base", base, "-o", str(out), "--no-proof"]) == 0
+    stages = {stage.name: stage.settings for stage in load_sensor(str(out)).stages}
+    assert stages["tof_smooth"]["width_px"].typical == pytest.approx(2.0, rel=0.15)
+    assert stages["tof_taps"]["shot_variance"].typical == pytest.approx(0.6, rel=0.3)

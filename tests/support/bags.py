@@ -18,14 +18,10 @@ SENSOR = "/device_0/sensor_0"
 
 
 def write_bag(
-    file: Path,
-    depths: Sequence[Image],
-    lights: Sequence[Image] | None = None,
-    *,
+    file: Path, depths: Sequence[Image], lights: Sequence[Image] | None = None, *,
     topics: tuple[str, str] = (f"{SENSOR}/Depth_0/image/data", f"{SENSOR}/Infrared_1/image/data"),
-    options: Mapping[str, float] | None = None,
-    encoding: str = "mono16",
-) -> None:
+    options: Mapping[str, float] | None = None, encoding: str = "mono16",
+) -> None:  # fmt: skip
     """Write a ROS 1 bag as librealsense does, or a node with other ``topics``.
 
     Args:
@@ -56,12 +52,9 @@ def write_bag(
 
 
 def write_mkv(
-    file: Path,
-    tracks: Mapping[str, Sequence[Image]],
-    calibration: Any = None,
-    *,
+    file: Path, tracks: Mapping[str, Sequence[Image]], calibration: Any = None, *,
     codec: str = "rawvideo",
-) -> None:
+) -> None:  # fmt: skip
     """Write a Matroska file.
 
     Args:
@@ -130,14 +123,10 @@ def azure_calibration() -> dict[str, Any]:
 
 
 def write_topics(
-    file: Path,
-    images: Mapping[str, tuple[Any, str]],
-    infos: Mapping[str, Mapping[str, Any]],
-    frames: Mapping[str, str] | None = None,
-    count: int = 1,
-    others: Sequence[tuple[str, str, Mapping[str, Any]]] = (),
-    start: int = 0,
-) -> None:
+    file: Path, images: Mapping[str, tuple[Any, str]], infos: Mapping[str, Mapping[str, Any]],
+    frames: Mapping[str, str] | None = None, count: int = 1,
+    others: Sequence[tuple[str, str, Mapping[str, Any]]] = (), start: int = 0,
+) -> None:  # fmt: skip
     """Write a bag of any topics: a ROS 1 bag, or one ROS 2 file ``*.mcap`` or ``*.db3``.
 
     Args:

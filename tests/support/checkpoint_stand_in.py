@@ -49,17 +49,9 @@ def load_network(path: Path, min_probability: float = 0.0) -> Network:
 
 
 def write_run(
-    folder: Path,
-    gain: float,
-    *,
-    row: str | None,
-    title: str = "",
-    size: str = "small",
-    seed: int = 0,
-    state: str = "finished",
-    ended: str = "patience",
-    **more: Any,
-) -> None:
+    folder: Path, gain: float, *, row: str | None, title: str = "", size: str = "small",
+    seed: int = 0, state: str = "finished", ended: str = "patience", **more: Any,
+) -> None:  # fmt: skip
     """Write the files of a run of ``glsim train`` from which tables are made."""
     folder.mkdir(parents=True)
     (folder / "best.pt").write_text(json.dumps({"gain": gain} | more))

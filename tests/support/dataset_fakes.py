@@ -85,14 +85,9 @@ class Fault:
 
 
 def fake_frames(
-    settings: Settings,
-    tasks: Iterable[Task],
-    faults: tuple[Fault, ...] = (),
-    skip_every: int = 0,
-    delay_s: float = 0.0,
-    ahead: int = 3,
-    refuse: str = "",
-) -> Iterator[Frame | Skipped]:
+    settings: Settings, tasks: Iterable[Task], faults: tuple[Fault, ...] = (), skip_every: int = 0,
+    delay_s: float = 0.0, ahead: int = 3, refuse: str = "",
+) -> Iterator[Frame | Skipped]:  # fmt: skip
     """Yield frames whose pixels depend only on the seed, taking ``ahead`` tasks at once.
 
     A process whose environment has the variable ``refuse`` makes none.
@@ -170,16 +165,10 @@ def fake_frame(task: Task, unit_mm: float = 1.0, offset_mm: float = 0.0) -> Fram
 
 
 def make(
-    out: Path | str,
-    settings: Settings | None = None,
-    tasks: list[Task] | None = None,
-    *,
-    workers: int = 1,
-    progress: Any = None,
-    renderer: str = "fake renderer",
-    inputs: Any = None,
+    out: Path | str, settings: Settings | None = None, tasks: list[Task] | None = None, *,
+    workers: int = 1, progress: Any = None, renderer: str = "fake renderer", inputs: Any = None,
     **faults: Any,
-) -> GenerateSummary:
+) -> GenerateSummary:  # fmt: skip
     """Write a data set of fake frames."""
     return write_dataset(
         settings or make_settings(),

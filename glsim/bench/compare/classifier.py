@@ -70,11 +70,9 @@ class Verdict:
 
 
 def tell_apart(
-    first: Patches,
-    second: Patches,
-    first_views: Sequence[int] | None = None,
+    first: Patches, second: Patches, first_views: Sequence[int] | None = None,
     second_views: Sequence[int] | None = None,
-) -> Verdict:
+) -> Verdict:  # fmt: skip
     """Train a classifier to distinguish the patches of two sets; its verdict is reproducible.
 
     Views are the view numbers of frames; those of a static recording are equal. Default: all

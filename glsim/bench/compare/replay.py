@@ -28,7 +28,7 @@ from glsim.core.products import product
 from glsim.core.units import MM_PER_M
 from glsim.gl.context import borrowed_context
 from glsim.measures.silhouettes import measure_silhouettes
-from glsim.measures.static import view_numbers
+from glsim.measures.static import UNMASKED_LAYER, view_numbers
 from glsim.noise.realsense_filters import decimate
 from glsim.sensors.sensor import Sensor, load_sensor
 from glsim.simulation.virtual_camera import VirtualCamera
@@ -72,7 +72,8 @@ class Replay:
         camera = real.intrinsics
         self._real, self._sensor, self._mode = real, sensor, mode or Mode("", camera, camera)
         self._mirrored = not self._mode.registered and _is_mirrored(real, load_sensor(sensor).rig)
-        frames = [_mirror(frame) if self._mirrored else frame for frame in real]
+        whole = [frame.without([UNMASKED_LAYER]) for frame in real]
+        frames = [_mirror(frame) if self._mirrored else frame for frame in whole]
         if self._mode.depth is not self._mode.image:  # light is known in the depth camera's grid
             frames = [frame.without(["infrared"]) for frame in frames]
         self._relief = relief

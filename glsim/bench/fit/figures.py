@@ -7,17 +7,22 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
+import cv2
 import numpy as np
 
 from glsim.bench.compare.comparison import lines_of, measure
 from glsim.core.depth_frame import Frames
-from glsim.measures.disparity import LAGS_PX, find_tiles, measure_blocks, to_disparity
-from glsim.measures.silhouettes import find_edges
+from glsim.measures.disparity import LAGS_PX, measure_blocks, to_disparity
+from glsim.measures.silhouettes import find_edges, measure_silhouettes
 from glsim.measures.stacks import jackknife_error
+from glsim.measures.static import UNMASKED_LAYER
 
 #: Parts of the columns, or bands of rows, whose spread says the errors, and fewest parts with a
 #: value. Chosen: a part of 100 px shows gaps and rows.
 _PARTS, _LEAST_PARTS = 5, 3
+#: Widest masked strip at the rim of still surfaces, px. Chosen: a gap of 40 px, and on both sides
+#: 8 px of the mask of motion, 4 px of its windows, and 5 px that flicker.
+_MOST_RIM_PX = 75
 #: Groups and names of measures that are no noise, by their starts.
 _LEFT_OUT = ("pixels without depth", "infrared", "IR r^2", "half step")
 #: A value and its standard error, NaN = unknown.
@@ -25,18 +30,20 @@ Value = tuple[float, float]
 Figures = dict[str, Value]
 
 #: Figures of a fit: those that parameters move, and gaps.
-FRAME, STATIC = "noise from frame to frame, px", "noise that stays, px"
+FRAME, STATIC = "noise from frame to frame", "noise that stays"
 WAVES, FINE = (
     "noise that stays: correlation at 4 px over 1 px",
     "noise that stays: correlation at 1 px",
 )
 HOLES = "single holes; pixels unlike their eight neighbours"
 GAPS = ("width of the gap, mean; left of silhouettes", "width of the gap, mean; right of them")
+LIGHT = "b; noise over infrared, static pairs: sigma^2 = a^2 + (b / IR)^2"
 #: Figures that replays are compared by, beside those of disparity, by their starts.
-_COMPARED = ("single", "width of the gap, mean;", "2 px along", "median; residual")
-#: Lags at which correlations are listed, px, and groups of planes by distance.
+_COMPARED = ("single", "width of the gap, mean;", "2 px along", "median; residual", LIGHT)
+#: Stands for focal length times baseline, px mm, where none is known: 1/km is 1 mm at 1 m.
+INVERSE_KM = 1e6
+#: Lags at which correlations are listed, px.
 _LISTED_PX = (1, 2, 4, 8)
-_THIRDS = ("nearest", "middle", "farthest")
 
 
 def compared_figures(frames: Frames) -> Figures:
@@ -47,17 +54,29 @@ def compared_figures(frames: Frames) -> Figures:
 
 def values_with_errors(frames: Frames) -> Figures:
     """Return measures of noise and silhouettes by name, with errors from parts of the image."""
-    whole, parts, found = measure(frames), [], _gaps(frames)
-    for own in map(measure, _parts(frames)):
-        sides = replace(own.silhouettes, shadow_side=whole.silhouettes.shadow_side)
-        parts.append(lines_of(replace(own, silhouettes=sides)))
-    for key, value in lines_of(whole).items():
+    rims = _with_rims(frames)
+    sides, parts, found = measure_silhouettes(rims), [], _gaps(rims)
+    for part, part_rims in zip(_parts(frames), _parts(rims), strict=True):
+        own = replace(measure_silhouettes(part_rims), shadow_side=sides.shadow_side)
+        parts.append(lines_of(replace(measure(part), silhouettes=own)))
+    for key, value in lines_of(replace(measure(frames), silhouettes=sides)).items():
         each = np.array([part.get(key, math.nan) for part in parts])
         each = each[np.isfinite(each)]
         error = each.std(ddof=1) / len(each) ** 0.5 if len(each) >= _LEAST_PARTS else math.nan
         if math.isfinite(value) and not any(text.startswith(_LEFT_OUT) for text in key[:2]):
             found[f"{key[1]}; {key[0]}"] = value, float(error)
     return found
+
+
+def _with_rims(frames: Frames) -> Frames:
+    """Return depths at the rims of still surfaces too, which flicker and so count as moving."""
+    side, shown = np.ones((1, _MOST_RIM_PX), np.uint8), []
+    for frame in frames:
+        still = (frame.noisy_mm > 0).astype(np.uint8)
+        near = cv2.morphologyEx(still, cv2.MORPH_CLOSE, side) > 0
+        depth_mm = frame.layer(UNMASKED_LAYER if UNMASKED_LAYER in frame else "noisy_mm")
+        shown.append(frame.changed({"noisy_mm": np.where(near, depth_mm, np.float32(0))}))
+    return Frames.of(shown, frames.title)
 
 
 def _parts(frames: Frames) -> list[Frames]:
@@ -90,7 +109,10 @@ def _gaps(frames: Frames) -> Figures:
 
 
 def disparity_figures(frames: Frames, focal_baseline_px_mm: float) -> Figures:
-    """Measure the noise of disparity on planes of a still view, px; NaN with too few planes."""
+    """Measure the noise of disparity on planes of a still view, px; NaN with too few planes.
+
+    With ``INVERSE_KM`` as product it is that of 1 / depth, 1/km.
+    """
     disparity = [to_disparity(f.measured_mm, focal_baseline_px_mm) for f in frames]
     noise = measure_blocks(disparity, list(pairwise(range(len(disparity)))))
     found: Figures = {}
@@ -98,7 +120,7 @@ def disparity_figures(frames: Frames, focal_baseline_px_mm: float) -> Figures:
     def add(name: str, values: Sequence[float]) -> None:
         found[name] = values[0], float(jackknife_error(values[1:]))
 
-    add("residual of planes, px", [n.residual for n in noise])
+    add("residual of planes", [n.residual for n in noise])
     add(FRAME, [n.frame for n in noise])
     add(STATIC, [n.static for n in noise])
     static = np.array([np.add(n.static_rows, n.static_columns) / 2 for n in noise])
@@ -108,15 +130,8 @@ def disparity_figures(frames: Frames, focal_baseline_px_mm: float) -> Figures:
         for axis in ("rows", "columns"):
             for lag in _LISTED_PX:
                 at = LAGS_PX.index(lag)
-                name = f"{title[:-4]}: correlation at {lag} px along {axis}"
+                name = f"{title}: correlation at {lag} px along {axis}"
                 add(name, [getattr(n, f"{part}_{axis}")[at] for n in noise])
-    tiles = find_tiles(disparity[0])
-    groups = np.array_split(tiles.sigma[np.argsort(-tiles.level)], len(_THIRDS))
-    for name, sigma in zip(_THIRDS, groups, strict=True):
-        if sigma.size > 1:
-            # The standard error of a median is 1.25 times that of a mean.
-            error = float(1.25 * sigma.std(ddof=1) / sigma.size**0.5)
-            found[f"residual of the {name} third of planes, px"] = float(np.median(sigma)), error
     return found
 
 

@@ -96,7 +96,7 @@ def sensor_toml(
         for key, declared in stage.spec.parameters.items():
             if (value := values.get(f"{stage.name}.{key}")) is not None:
                 bounded = min(max(value, declared.low), declared.high)
-                fitted[key] = int(bounded) if declared.type == "int" else bounded
+                fitted[key] = round(bounded) if declared.type == "int" else bounded
         if fitted:
             tables.append(("stage", [{"use": stage.spec.name, "name": stage.name, **fitted}]))
     title = f"fitted to a recording, from {sensor.name}"

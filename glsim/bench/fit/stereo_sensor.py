@@ -9,8 +9,7 @@ one parameter, if it differs from the base's by two standard errors:
     correlation at 1 px                        match_stereo.device_fine, share of its fine grains
     its size                                   match_stereo.device_sigma_px
     single holes                               match_stereo.unlike_medians, of which match is bad
-
-Gaps beside silhouettes are listed only: where rims flicker, 8 px around them count as moving.
+    gap right of silhouettes                   match_stereo.rim_px
 """
 
 from __future__ import annotations
@@ -19,6 +18,7 @@ import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
 
@@ -82,14 +82,20 @@ def fit_stereo(
         )
     named = str(Path(base).resolve()) if base.endswith(".toml") else base
     placed = Frames.of([frame.changed(intrinsics=image) for frame in frames], frames.title)
-    unit = {f"{MATCHER}.depth_unit_mm": unit_mm}
-    trials = Trials(placed, sensor, named, product, unit)
+    unit, scale = {f"{MATCHER}.depth_unit_mm": unit_mm}, baseline_m / rig.baseline_m
+    places = {"imager": rig.imagers_m, "emitter": [e.position_m for e in rig.emitters]}
+    moved = {
+        name: [{"position_m": [float(f"{scale * v:.7g}") for v in point]} for point in points]
+        for name, points in places.items()
+    }
+    trials = Trials(placed, sensor, named, product, unit, moved)
     for exposure in ("stereo_exposure", "pattern_exposure"):  # a sensor has one of them
         trials.solve(f"{exposure}.speckle_sigma", figures.FRAME, 2.0, 2.0)
     trials.solve(f"{MATCHER}.device_grain_px", figures.WAVES, -2.0)
     trials.solve(f"{MATCHER}.device_fine", figures.FINE, 1.0)
     trials.solve(f"{MATCHER}.device_sigma_px", figures.STATIC, 2.0, 2.0)
     trials.solve(f"{MATCHER}.unlike_medians", figures.HOLES, -5.0)  # fitted to trials of 7 to 12
+    trials.solve(f"{MATCHER}.rim_px", figures.GAPS[1], 1.0)
     by = "the baseline is the base sensor's: the depths are on no lattice that says it"
     if lattice is not None:
         by = f"depths are round({lattice.constant:,.0f} / n) units"
@@ -127,13 +133,15 @@ class Trials:
 
     def __init__(
         self, frames: Frames, sensor: Sensor, base: str, focal_baseline_px_mm: float,
-        values: Mapping[str, float],
+        values: Mapping[str, float], rig: Mapping[str, Any],
     ) -> None:  # fmt: skip
         """Measure a recording and replays of it, through the base and with known values.
 
-        ``base``: name or file of the base sensor; ``values``: of STAGE.PARAMETER.
+        ``base``: name or file of the base sensor; ``values``: of STAGE.PARAMETER; ``rig``: further
+        keys of [rig].
         """
         self.sensor, self._base, self._product = sensor, base, focal_baseline_px_mm
+        self._rig = rig
         self.values = dict(values)
         self.moved: set[str] = set()  # figures that a parameter moves
         self.results: dict[str, str] = {}
@@ -143,15 +151,8 @@ class Trials:
         self.base, self.now = self._replayed(self._base), self.trial()
 
     def text(self, values: Mapping[str, float], comments: Sequence[str] = ()) -> str:
-        """Write a sensor file with other values; the baseline scales all places."""
-        rig, image = self.sensor.rig, self._image
-        scale = self._product / image.fx / MM_PER_M / rig.baseline_m
-        places = {"imager": rig.imagers_m, "emitter": [e.position_m for e in rig.emitters]}
-        moved = {
-            name: [{"position_m": [float(f"{scale * v:.7g}") for v in point]} for point in points]
-            for name, points in places.items()
-        }
-        return sensor_toml(comments, self.sensor, self._base, image, moved, values)
+        """Write a sensor file with other values."""
+        return sensor_toml(comments, self.sensor, self._base, self._image, self._rig, values)
 
     def trial(self, name: str = "", value: float = 0.0) -> figures.Figures:
         """Change one parameter of the sensor so far, replay by new devices, and measure."""
