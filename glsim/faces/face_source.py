@@ -85,10 +85,8 @@ class WornPart:
 class Face:
     """The meshes and metadata of one frame.
 
-    Args:
-        neck: description of the neck, which bends when the head turns. None: the whole mesh turns.
-        expression: action unit or blend shape -> intensity in [0, 1], without zeros.
-        notes: further metadata for the manifest (JSON values only), such as the detected unit.
+    ``expression``: action unit or blend shape -> intensity in [0, 1], without zeros; ``notes``:
+    for the manifest (JSON values only); ``neck`` bends as the head turns; None: all of it turns.
     """
 
     key: FaceKey
@@ -111,10 +109,8 @@ class BadFace:
 class Topology:
     """The triangles, regions and landmarks that all meshes of a source share.
 
-    Args:
-        triangles: (F, 3) int32.
-        regions: (V,) uint8 indices into ``region_names``, or None.
-        landmarks: (68,) int64 vertices in the order of ``glsim.faces.regions``, or None.
+    Triangles (F, 3) int32; ``regions`` (V,) uint8 indices into ``region_names``, and (68,) int64
+    vertices of landmarks in the order of ``glsim.faces.regions``, or None.
     """
 
     triangles: NDArray[np.int32]

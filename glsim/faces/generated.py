@@ -59,11 +59,9 @@ class GeneratedFaces(FaceSource, Generic[_Person]):
     letter: ClassVar[str]
 
     def __init__(
-        self,
-        seed: int = 0,
-        frames_per_sequence: int = DEFAULT_SEQUENCE,
+        self, seed: int = 0, frames_per_sequence: int = DEFAULT_SEQUENCE,
         frames_per_second: float | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.seed, self.frames_per_sequence = seed, frames_per_sequence
         self.frames_per_second = frames_per_second
 

@@ -22,6 +22,7 @@ from glsim.core.pose import pose_matrix
 from glsim.core.products import norm, product
 from glsim.core.seeds import rng_for
 from glsim.core.units import MM_PER_M
+from glsim.faces.performance import MOTION
 
 #: Centre of rotation of head and neck, mm from the centre of the face: between the
 #: atlanto-occipital joint (near (0, -25, -85) on the embedded heads) and the last cervical vertebra
@@ -39,20 +40,8 @@ HEAD_Z = (-160.0, -110.0, -60.0, -25.0, 20.0)
 HEAD_Y = (-62.0, -88.0, -106.0, -150.0, -160.0)
 NECK_MM = 72.0  # height over which the share falls from 1 to 0; the clavicles stay still
 
-#: Components of the motion: index of the pose's number, largest amplitude, and band, Hz. Sway of
-#: the head is slow (0.34 to 0.39 Hz, 20 standing adults, "Head movement recording and
-#: significance"); 3 to 4 mm near 0.36 Hz give the measured path of 37 cm a minute, more of it
-#: forwards than sideways. Angles are chosen: slow drifts of gaze and posture, turns of up to 6 and
-#: nods of up to 3 degrees, without the slower drifts and quick nods of speakers (U. Hadar et al.,
-#: Human Movement Science 2, 1983). Amplitudes are drawn between a third of the largest and the
-#: largest, since some people keep still.
-WAVES: Final = (
-    ("x_mm", 3.0, 0.25, 0.5), ("x_mm", 1.0, 0.5, 1.1), ("y_mm", 0.8, 0.2, 0.6),
-    ("distance_mm", 4.0, 0.22, 0.45), ("distance_mm", 1.2, 0.5, 1.0),
-    ("yaw_deg", 6.0, 0.1, 0.35), ("yaw_deg", 1.5, 0.4, 1.0),
-    ("pitch_deg", 2.5, 0.1, 0.35), ("pitch_deg", 3.0, 0.7, 1.5),
-    ("roll_deg", 2.0, 0.1, 0.4), ("roll_deg", 0.6, 0.5, 1.2),
-)  # fmt: skip
+#: Components of the motion: number of the pose, largest amplitude, and band, Hz.
+WAVES: Final = MOTION["heads"]["waves"]
 _LEAST_SHARE: Final = 1 / 3
 
 

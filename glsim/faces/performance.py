@@ -2,43 +2,25 @@
 
 Action units are plain strings, "AU12" for both sides, "AU12_L" or "AU12_R" for one side, whatever
 the face model. All functions are pure functions of (seed, subject, sequence number).
-
-Codes are chosen as in posed FACS data sets: single units, the pairs of the FACS manual (P. Ekman,
-W. V. Friesen, J. C. Hager, "Facial Action Coding System", 2002) and the prototypes of the basic
-emotions (EMFACS). Timing: expressions of emotion mostly last 0.5-4 s (P. Ekman, "Darwin, deception,
-and facial expression", Ann. N.Y. Acad. Sci. 1000, 2003); smiles rise in about 0.4-0.7 s and fall
-more slowly (K. L. Schmidt, J. F. Cohn, Y. Tian, Biol. Psychol. 65, 2003); a blink closes in about
-0.1 s and opens in about 0.2 s (F. VanderWerf et al., J. Neurophysiol. 89, 2003).
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import tomllib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.resources import files
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.seeds import rng_for
 
-# Action units of one sequence, joined by "+"; a trailing L or R means one side.
-CODES: tuple[str, ...] = (
-    "12+25", "1+2", "4+7+9", "20+26", "6+12+25", "26", "18", "4", "43", "15+17",
-    "27", "1+4+15", "1+2+5+26", "9+10", "12L", "23", "16+25", "22+25", "6+12", "28",
-    "10+25", "14", "1", "2", "5", "7", "9", "12", "17", "20+25", "24", "1+2+4+5+20+25",
-    "4+5+7+23", "14R", "10L", "2R", "45", "6+43", "25+26", "15", "6+12+26", "4+17+24",
-    "1+2+5+27", "12+14", "18+22+25", "2L", "12R+14R", "1+4",
-)  # fmt: skip
-
-LATERAL_UNITS = frozenset((1, 2, 4, 5, 6, 7, 9, 10, 12, 14, 15, 16, 20, 43, 45))
-DURATION_S = (1.2, 2.0)  # duration from neutral to neutral
-ONSET_SHARE = (0.22, 0.36)  # rise to the peak, as a share of the duration
-OFFSET_SHARE = (0.30, 0.44)  # fall from the peak, as a share of the duration
-DELAY_SHARE = 0.06  # largest delay between action units, share of the duration
-PEAK = (0.55, 1.0)
-ASYMMETRY = 0.15  # sides of one unit differ by up to this share of the peak
-ASYMMETRIC_SHARE = 0.35  # share of two-sided units that are asymmetric
-BLINK_S = (0.30, 0.40)
+#: The table motion.toml, which says what its words mean, and its sources.
+MOTION: Final = tomllib.loads(files(__package__).joinpath("motion.toml").read_text("utf-8"))
+_TABLE: Final = MOTION["expressions"]
+CODES: Final[Sequence[str]] = _TABLE["codes"].split()
 
 
 def _smootherstep(value: float) -> float:
@@ -102,20 +84,23 @@ def performance_for(seed: int, subject: str, number: int) -> Performance:
     order = rng_for(seed, "codes", subject, number // len(CODES)).permutation(len(CODES))
     code = CODES[int(order[number % len(CODES)])]
     rng = rng_for(seed, "performance", subject, number)
-    duration = float(rng.uniform(*DURATION_S))
-    onset, offset = float(rng.uniform(*ONSET_SHARE)), float(rng.uniform(*OFFSET_SHARE))
+    duration = float(rng.uniform(*_TABLE["duration_s"]))
+    onset, offset = (
+        float(rng.uniform(*_TABLE["onset_share"])),
+        float(rng.uniform(*_TABLE["offset_share"])),
+    )
     curves: dict[str, Curve] = {}
     for word in code.split("+"):
         number_of_unit = int(word.rstrip("LR"))
-        peak = float(rng.uniform(*PEAK))
+        peak = float(rng.uniform(*_TABLE["peak"]))
         curve = _curve(rng, number_of_unit, peak, duration, onset, offset)
-        unequal = rng.random() < ASYMMETRIC_SHARE
-        weaker = 1.0 - float(rng.uniform(0.0, ASYMMETRY))
+        unequal = rng.random() < _TABLE["asymmetric_share"]
+        weaker = 1.0 - float(rng.uniform(0.0, _TABLE["asymmetry"]))
         left_weaker = rng.random() < 0.5
         unit = f"AU{number_of_unit}"
         if word[-1] in "LR":
             curves[f"{unit}_{word[-1]}"] = curve
-        elif unequal and number_of_unit in LATERAL_UNITS:
+        elif unequal and number_of_unit in _TABLE["two_sided"]:
             for side, is_weaker in (("L", left_weaker), ("R", not left_weaker)):
                 scale = weaker if is_weaker else 1.0
                 curves[f"{unit}_{side}"] = replace(curve, peak=peak * scale)
@@ -128,19 +113,14 @@ def _curve(
     rng: np.random.Generator, unit: int, peak: float, duration: float, onset: float, offset: float
 ) -> Curve:
     """Draw the curve of one action unit; ``onset`` and ``offset`` are common to all units."""
-    delay = float(rng.uniform(0.0, DELAY_SHARE))
-    early = float(rng.uniform(0.0, DELAY_SHARE))
+    delay = float(rng.uniform(0.0, _TABLE["delay_share"]))
+    early = float(rng.uniform(0.0, _TABLE["delay_share"]))
     if unit == 45:
-        length, middle = float(rng.uniform(*BLINK_S)), 0.5 * duration
+        length, middle = float(rng.uniform(*_TABLE["blink_s"])), 0.5 * duration
         start, end = middle - length / 3, middle + 2 * length / 3
         return Curve(1.0, start, middle, middle + 0.02, end)
-    return Curve(
-        peak=peak,
-        start_s=duration * delay,
-        apex_s=duration * (delay + onset),
-        release_s=duration * (1.0 - offset - early),
-        end_s=duration * (1.0 - early),
-    )
+    shares = delay, delay + onset, 1.0 - offset - early, 1.0 - early
+    return Curve(peak, *(duration * share for share in shares))
 
 
 def sequence_name(number: int, performance: Performance) -> str:

@@ -25,17 +25,13 @@ class RegionPass:
     """A pass that draws the region numbers of meshes in the image of a rig."""
 
     def __init__(
-        self,
-        context: moderngl.Context,
-        rig: SensorRig,
-        pools: tuple[TargetPool, TargetPool],
+        self, context: moderngl.Context, rig: SensorRig, pools: tuple[TargetPool, TargetPool],
         rays: Target,
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Link the program and allocate the buffers.
 
-        Args:
-            pools: target pools of the pinhole and the delivered image; equal without distortion.
-            rays: target that holds ``rig.rays()``.
+        ``pools``: of the pinhole and the delivered image, equal without distortion; ``rays`` holds
+        ``rig.rays()``.
         """
         self._context, self._rays = context, rays
         self._camera_pool, self._pool = pools
@@ -52,12 +48,9 @@ class RegionPass:
             self._lens_pass = FullscreenPass(context, lens)
 
     def draw(
-        self,
-        meshes: Sequence[GpuMesh],
-        labels: Sequence[Labels],
-        views: Sequence[NDArray[np.float32]],
-        window: Rect,
-    ) -> Target:
+        self, meshes: Sequence[GpuMesh], labels: Sequence[Labels],
+        views: Sequence[NDArray[np.float32]], window: Rect,
+    ) -> Target:  # fmt: skip
         """Draw the layer REGION of a window (0 = no region); return its target.
 
         ``labels``: for each mesh the (V,) region numbers of its vertices; None: all 0.

@@ -27,14 +27,7 @@ import numpy as np
 from moderngl import Context
 from numpy.typing import NDArray
 
-from glsim.core.bounds import (
-    FieldOfView,
-    bounding_corners,
-    image_window,
-    union,
-    vertex_frustum,
-    widened,
-)
+from glsim.core import bounds
 from glsim.core.camera import Point, SensorRig
 from glsim.core.errors import MeshError
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
@@ -93,7 +86,7 @@ class Renderer:
     def __init__(self, context: Context, rig: SensorRig) -> None:
         self._context, self.rig = context, rig
         image, pinhole = rig.intrinsics, rig.pinhole()
-        self._pinhole, self._sight = pinhole, FieldOfView.of(rig)
+        self._pinhole, self._sight = pinhole, bounds.FieldOfView.of(rig)
         self._pool = TargetPool(context, image.width, image.height)
         self._camera_pool = self._pool
         if rig.keeps_distortion:
@@ -127,13 +120,10 @@ class Renderer:
 
     @contextmanager
     def render(
-        self,
-        meshes: Sequence[tuple[Mesh, NDArray[np.float32]]],
-        visible: Rect | None = None,
-        labels: Sequence[NDArray[np.float32] | None] = (),
-        reach_px: int = 0,
+        self, meshes: Sequence[tuple[Mesh, NDArray[np.float32]]], visible: Rect | None = None,
+        labels: Sequence[NDArray[np.float32] | None] = (), reach_px: int = 0,
         window: Rect | None = None,
-    ) -> Iterator[Rendered]:
+    ) -> Iterator[Rendered]:  # fmt: skip
         """Draw meshes, each with a (4, 4) matrix from canonical mm to camera-frame m.
 
         Raises MeshError if the first mesh, the face, is not in view.
@@ -146,7 +136,7 @@ class Renderer:
             reach_px: distance around the crop at which stages read pixels, besides the margin.
             window: the part of the frame to draw; default: the part that the meshes can touch.
         """
-        boxes = [bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
+        boxes = [bounds.bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
         window = window or self.window(meshes, visible, reach_px, boxes)
         uploaded = [self._meshes.upload(mesh) for mesh, _ in meshes]
         views = [view for _, view in meshes]
@@ -173,15 +163,9 @@ class Renderer:
                 yield Rendered(layers, window, nearest_m, face_m, seen, self._rays, self._pool)
 
     def _draw_light(
-        self,
-        camera: View,
-        meshes: Sequence[GpuMesh],
-        views: Sequence[NDArray[np.float32]],
-        corners_m: NDArray[np.float64],
-        window: Rect,
-        held: list[Target],
-        silhouettes: ExitStack,
-    ) -> dict[str, Target]:
+        self, camera: View, meshes: Sequence[GpuMesh], views: Sequence[NDArray[np.float32]],
+        corners_m: NDArray[np.float64], window: Rect, held: list[Target], silhouettes: ExitStack,
+    ) -> dict[str, Target]:  # fmt: skip
         """Draw the depth and normals of the imagers, and the light in all views."""
         seen = [camera]
         layers: dict[str, Target] = {}
@@ -202,32 +186,30 @@ class Renderer:
         return layers | dict(zip(names, lit, strict=False))
 
     def window(
-        self,
-        meshes: Sequence[tuple[Mesh, NDArray[np.float32]]],
-        visible: Rect | None = None,
-        reach_px: int = 0,
-        boxes: Sequence[NDArray[np.float64]] = (),
-    ) -> Rect:
+        self, meshes: Sequence[tuple[Mesh, NDArray[np.float32]]], visible: Rect | None = None,
+        reach_px: int = 0, boxes: Sequence[NDArray[np.float64]] = (),
+    ) -> Rect:  # fmt: skip
         """Return the window of the image to render for the meshes. Raises MeshError.
 
-        Args:
-            meshes, visible, reach_px: as in ``render``.
-            boxes: (8, 3) corners of each mesh's bounding box, camera frame, if they are known.
+        Arguments as of ``render``; ``boxes``: (8, 3) corners of each mesh's bounding box, camera
+        frame, if they are known.
         """
-        boxes = boxes or [bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
+        boxes = boxes or [bounds.bounding_corners(mesh.vertices_mm, view) for mesh, view in meshes]
         face, view = meshes[0]
-        around = vertex_frustum(face.vertices_mm, view, self.rig.near_m)
-        windows = [image_window(boxes[0], self._sight, visible, reach_px, around)]
+        around = bounds.vertex_frustum(face.vertices_mm, view, self.rig.near_m)
+        windows = [bounds.image_window(boxes[0], self._sight, visible, reach_px, around)]
         for (mesh, view), box in zip(meshes[1:], boxes[1:], strict=True):
             with suppress(MeshError):  # a mesh out of view
-                wanted = image_window(box, self._sight, visible, reach_px)
-                if union([windows[0], wanted]) != windows[0]:
+                wanted = bounds.image_window(box, self._sight, visible, reach_px)
+                if bounds.union([windows[0], wanted]) != windows[0]:
                     # Trousers of a sitting person: their box is far wider than the mesh.
-                    around = vertex_frustum(mesh.vertices_mm, view, self.rig.near_m)
-                    wanted = image_window(box, self._sight, visible, reach_px, around)
+                    around = bounds.vertex_frustum(mesh.vertices_mm, view, self.rig.near_m)
+                    wanted = bounds.image_window(box, self._sight, visible, reach_px, around)
                 windows.append(wanted)
         nearest_m = float(np.concatenate(boxes)[:, 2].min())
-        return widened(union(windows), self._sight, self.rig.reach_of_views(nearest_m))
+        return bounds.widened(
+            bounds.union(windows), self._sight, self.rig.reach_of_views(nearest_m)
+        )
 
     @contextmanager
     def everywhere(self, window: Rect) -> Iterator[Silhouette]:
@@ -241,18 +223,19 @@ class Renderer:
     ) -> Iterator[Rendered]:
         """Make the layers of a whole frame from a depth map instead of meshes.
 
-        Raises MeshError if an emitter is inside the surface.
-
-        Args:
-            clean_m: (H, W) metres, 0 = no surface.
-            normal: (H, W, 3) unit vectors towards the camera.
-            surface: mesh that casts the shadows, placed by ``pose_matrix({})``; None: no shadows.
+        Raises MeshError if an emitter is inside the surface. The map is (H, W) metres, 0 = no
+        surface, with unit normals (H, W, 3) towards the camera. ``surface``, placed by
+        ``pose_matrix({})``, casts the shadows; None: no shadows.
         """
         image = self.rig.intrinsics
         window = Rect(0, 0, image.width, image.height)
         albedo = np.where(clean_m > 0, np.float32(SKIN_ALBEDO), np.float32(0.0))
         view = pose_matrix({})
-        box = np.zeros((0, 3)) if surface is None else bounding_corners(surface.vertices_mm, view)
+        box = (
+            np.zeros((0, 3))
+            if surface is None
+            else bounds.bounding_corners(surface.vertices_mm, view)
+        )
         meshes = [] if surface is None else [self._meshes.upload(surface)]
         with self._pool.scope() as held, ExitStack() as silhouettes:
             everywhere = silhouettes.enter_context(self._silhouettes.draw(None, window))
@@ -271,12 +254,9 @@ class Renderer:
             yield Rendered(layers, window, nearest_m, face_m, everywhere, self._rays, self._pool)
 
     def _draw_surface(
-        self,
-        meshes: Sequence[GpuMesh],
-        views: Sequence[NDArray[np.float32]],
-        window: Rect,
+        self, meshes: Sequence[GpuMesh], views: Sequence[NDArray[np.float32]], window: Rect,
         eye_m: Point = (0.0, 0.0, 0.0),
-    ) -> dict[str, Target]:
+    ) -> dict[str, Target]:  # fmt: skip
         """Draw the meshes' depth, normal and albedo per pixel, or per sample if supersampled."""
         pinhole, pool = self._pinhole, self._camera_pool
         area = window if self._lens_pass is None else Rect(0, 0, pinhole.width, pinhole.height)

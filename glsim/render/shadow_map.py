@@ -37,12 +37,9 @@ _SIDE_TEXELS = 2048
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """The view of the camera or an imager, and the layer for the light in it.
+    """The view of the camera or an imager: its layers clean and normal, and the layer of its light.
 
-    Args:
-        layers: the layers clean and normal of the view.
-        eye_m: position of the camera or imager in the camera frame, metres.
-        lit: the layer of light, LIT or LIT_BY_EACH.
+    ``eye_m``: its position in the camera frame, metres.
     """
 
     layers: Mapping[str, Target]
@@ -77,21 +74,14 @@ class ShadowMap:
         return self._context.framebuffer([], self._depth)
 
     def draw(
-        self,
-        seen: Sequence[View],
-        window: Rect,
-        arrays: Sequence[moderngl.VertexArray],
-        views: Sequence[NDArray[np.float32]],
-        corners_m: NDArray[np.float64],
-    ) -> list[Target]:
+        self, seen: Sequence[View], window: Rect, arrays: Sequence[moderngl.VertexArray],
+        views: Sequence[NDArray[np.float32]], corners_m: NDArray[np.float64],
+    ) -> list[Target]:  # fmt: skip
         """Draw the share of light that reaches each pixel, 0 to 1; return one target per view.
 
-        Raises MeshError if an emitter is inside the scene.
-
-        Args:
-            arrays: the meshes that cast shadows, for ``programs``. Without meshes, or without an
-                emitter, all pixels are 1.
-            corners_m: (N, 3) corners of the meshes' bounding boxes, camera frame.
+        Raises MeshError if an emitter is inside the scene. ``arrays``, of meshes for ``programs``,
+        cast shadows; without them, or without an emitter, all pixels are 1. ``corners_m``: (N, 3)
+        corners of the meshes' bounding boxes, camera frame.
         """
         emitters = self._rig.emitters if arrays else ()
         targets = []
@@ -112,12 +102,9 @@ class ShadowMap:
         return targets
 
     def _draw_depth(
-        self,
-        emitter: Emitter,
-        box: Frustum,
-        arrays: Sequence[moderngl.VertexArray],
+        self, emitter: Emitter, box: Frustum, arrays: Sequence[moderngl.VertexArray],
         views: Sequence[NDArray[np.float32]],
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Draw the emitter's z-buffer for the frustum ``box``; set the uniforms that read it."""
         span = max(box.right - box.left, box.bottom - box.top)
         wanted = _TEXELS_PER_PIXEL * self._rig.intrinsics.fx

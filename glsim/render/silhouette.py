@@ -39,9 +39,8 @@ class Silhouette:
     ) -> Iterator[None]:
         """Limit the passes in the block, drawn into ``targets``, to the silhouette.
 
-        Args:
-            blank: layer -> value outside the silhouette, 0 for other layers; None: no change.
-            flags: further GL capabilities to enable (moderngl.BLEND).
+        ``blank``: layer -> value outside the silhouette, 0 for other layers; None: no change.
+        ``flags``: further GL capabilities to enable (moderngl.BLEND).
         """
         buffer = self._pool.framebuffer(targets, self._depth)
         buffer.depth_mask = False

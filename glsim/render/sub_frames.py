@@ -31,20 +31,13 @@ class SubFrames:
         self._capture = FullscreenPass(context, link_files(context, "render/capture.frag"))
 
     def rows(
-        self,
-        parts: Sequence[SubExposure],
-        draw: Callable[[int], AbstractContextManager[Rendered]],
-        window: Rect,
-        height: int,
-    ) -> dict[str, Target]:
+        self, parts: Sequence[SubExposure], draw: Callable[[int], AbstractContextManager[Rendered]],
+        window: Rect, height: int,
+    ) -> dict[str, Target]:  # fmt: skip
         """Compose the layers of a frame from bands of rows, each of which has its own sub-frame.
 
-        The caller gives the targets back to their pool.
-
-        Args:
-            draw: a function from the number of a band to its rendered sub-frame.
-            window: window of all sub-frames.
-            height: height of the whole image, pixels.
+        The caller gives the targets back to their pool. ``draw`` renders the sub-frame of a band,
+        given by its number; ``height`` is that of the whole image, px.
         """
         layers: dict[str, Target] = {}
         for number, part in enumerate(parts):
@@ -68,9 +61,7 @@ class SubFrames:
     ) -> None:
         """Add the light of one capture, in its tap and frequency, to the light of a frame.
 
-        Args:
-            light: the layers LIGHT_LAYERS of the capture's sub-frame.
-            sums: targets of the same layers; they are 0 before the first capture.
+        ``light``: the LIGHT_LAYERS of its sub-frame; ``sums``: their targets, 0 before the first.
         """
         assert part.capture is not None, "a capture"
         program = self._capture.program

@@ -10,11 +10,6 @@ from glsim.faces.performance import CODES, performance_for, sequence_name, seque
 PERFORMANCES = [performance_for(3, f"p{s:04d}", n) for s in range(4) for n in range(20)]
 
 
-def test_same_key_same_performance() -> None:
-    assert performance_for(3, "p0001", 7) == performance_for(3, "p0001", 7)
-    assert performance_for(3, "p0001", 7) != performance_for(4, "p0001", 7)
-
-
 def test_all_codes_come_before_one_is_repeated() -> None:
     codes = [performance_for(0, "p0000", n).code for n in range(len(CODES))]
     assert sorted(codes) == sorted(CODES)

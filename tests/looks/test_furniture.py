@@ -74,12 +74,6 @@ def test_the_table_names_things_and_materials_that_it_has() -> None:
     assert max(ALBEDOS["screen"][1], ALBEDOS["glass"][1]) <= 0.02
 
 
-@pytest.mark.parametrize("name", ["loudspeaker", "bag", "piano", "telephone"])
-def test_dark_things_are_dark(name: str) -> None:
-    largest = max(made(name, 3), key=lambda shape: np.ptp(shape.vertices_mm, axis=0).prod())
-    assert largest.albedo <= ALBEDOS["leather"][1]
-
-
 def test_a_desk_has_a_screen_and_cables_that_hang_to_the_floor() -> None:
     shapes = made("desk", 5)
     assert any(s.region == "screen" for s in shapes)
@@ -89,13 +83,6 @@ def test_a_desk_has_a_screen_and_cables_that_hang_to_the_floor() -> None:
         low, high = cable.vertices_mm.min(axis=0), cable.vertices_mm.max(axis=0)
         assert -6 < low[1] < 230
         assert high[1] > 700
-
-
-def test_leaves_of_thin_plants_are_thinner_than_a_pixel() -> None:
-    """5 to 12 mm wide; a pixel of a Kinect V2 sees 5.5 mm at 2 m."""
-    leaves = next(s for s in made("thin plant", 2) if s.region == "plant").vertices_mm
-    rows = leaves[: 110 * 18].reshape(110, 6, 3, 3)
-    assert 5 < np.median(np.linalg.norm(rows[:, 2, 0] - rows[:, 2, 2], axis=1)) < 12
 
 
 @pytest.mark.parametrize("kind", ["office", "living-room", "empty"])

@@ -28,15 +28,6 @@ def test_a_room_has_a_shell_and_few_triangles(kind: str) -> None:
         assert ("furniture" in regions) or kind == "empty"
 
 
-def test_a_room_is_a_pure_function_of_its_numbers() -> None:
-    first, again = build_room(NUMBERS), build_room(NUMBERS)
-    for a, b in zip(first[0], again[0], strict=True):
-        np.testing.assert_array_equal(a.vertices_mm, b.vertices_mm)
-    assert first[1] == again[1]
-    other = build_room(replace(NUMBERS, seed=6))
-    assert bounds_mm(other[0])[0][0] != bounds_mm(first[0])[0][0]
-
-
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("distance_mm", [700.0, 3000.0])
 def test_nothing_stands_between_the_camera_and_the_person(kind: str, distance_mm: float) -> None:

@@ -9,13 +9,12 @@ from moderngl import Context
 
 from glsim.core.camera import Emitter, SensorRig
 from glsim.core.errors import ConfigError
-from glsim.core.pose import pose_matrix
 from glsim.faces.face_source import Face, FaceKey, FaceSource
 from glsim.looks.room.room import RoomNumbers, build_room
 from glsim.looks.room.scenery import body_of, build_scenery
 from glsim.looks.room.view import camera_place, room_view, visible_mesh
 from glsim.settings.distribution import ScopeSeeds
-from glsim.settings.schema import Settings, load_settings
+from glsim.settings.schema import load_settings
 from glsim.simulation.frame import Frame, Skipped
 from glsim.simulation.pipeline import simulate
 from glsim.simulation.plan.tasks import make_tasks
@@ -221,17 +220,6 @@ def test_the_head_casts_its_shadow_on_a_wall_of_a_room(context: Context) -> None
     assert 0.25 * expected < shadow < 1.6 * expected  # light of the room gives the rest a depth
 
 
-def test_a_full_frame_of_an_office_has_surfaces_at_many_depths(context: Context) -> None:
-    settings = settings_for(
-        "kinect-v2", pose={"distance_mm": 1200}, scene=OFFICE | {"behind_mm": 1500}
-    )
-    (frame,) = frames_of(context, settings, face_mesh(60))
-    assert (frame.clean_m > 0).mean() > 0.999
-    assert 0.7 < (frame.noisy_m > 0).mean() < 0.999
-    counts, _ = np.histogram(frame.clean_m, bins=np.arange(0.9, 5.0, 0.1))
-    assert (counts > 200).sum() > 12
-
-
 def test_a_body_is_found_by_its_size_or_by_its_notes() -> None:
     key = FaceKey("a", "b", 0)
     assert body_of(Face(key, face_mesh(40))) is None
@@ -240,10 +228,3 @@ def test_a_body_is_found_by_its_size_or_by_its_notes() -> None:
     assert whole.seat_mm is None
     noted = body_of(Face(key, face_mesh(40), notes={"floor_mm": -1200.0}))
     assert noted.floor_mm == -1200
-
-
-def test_a_chair_out_of_the_crop_is_no_error(context: Context) -> None:
-    settings: Settings = settings_for(output={"crop": 64}, scene=OFFICE)
-    (frame,) = frames_of(context, settings, face_mesh(40))
-    assert frame.clean_m.shape == (64, 64)
-    assert pose_matrix({}).shape == (4, 4)

@@ -126,11 +126,8 @@ class Alignment:
 
     def __str__(self) -> str:
         """Describe the alignment in one line for the log."""
-        how = f"{' and '.join(self.detected)} found by rule" if self.detected else "as given"
-        tilt = f", rotation_deg {list(self.rotation_deg)}" if any(self.rotation_deg) else ""
-        text = f"unit {self.unit}, axes {self.axes}{tilt}, {self.extent_mm:.0f} mm across"
-        text += f" ({how}; nose match {self.nose_match:.2f})"
-        return "; ".join([text, *(["winding flipped"] if self.flip_winding else []), *self.doubts])
+        text, doubts = describe_notes(self.notes())
+        return "; ".join([text, *doubts])
 
 
 def describe_notes(notes: Mapping[str, Any]) -> tuple[str, list[str]]:
@@ -147,14 +144,9 @@ def describe_notes(notes: Mapping[str, Any]) -> tuple[str, list[str]]:
 
 
 def estimate_alignment(
-    vertices: NDArray[np.floating],
-    faces: NDArray[np.integer],
-    *,
-    unit: str = "auto",
-    axes: str = "auto",
-    rotation_deg: Turns | None = None,
-    recentre: bool = True,
-) -> Alignment:
+    vertices: NDArray[np.floating], faces: NDArray[np.integer], *, unit: str = "auto",
+    axes: str = "auto", rotation_deg: Turns | None = None, recentre: bool = True,
+) -> Alignment:  # fmt: skip
     """Find unit and pose where they are "auto", and check them where the user gives them.
 
     Args:

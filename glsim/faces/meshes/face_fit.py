@@ -124,10 +124,8 @@ def fit_face(
 ) -> FaceFit | None:
     """Fit the mean face from a first guess; None where most of it is missing.
 
-    Args:
-        samples: (3, N) points of the surface, in the file's frame and unit.
-        rotation: (3, 3), of file directions to canonical ones.
-        nose: as ``match_noses`` found it in the rotated points, mm.
+    ``samples`` (3, N) lie on the surface, in the file's frame and unit; ``rotation`` (3, 3) turns
+    file directions to canonical ones; ``match_noses`` found ``nose`` in the turned points, mm.
     """
     face = _mean_face()
     tip = np.array([*nose.near_mm, nose.top_mm])
@@ -168,13 +166,9 @@ def fit_face(
 
 
 def search_face(
-    samples: Array,
-    scales: Sequence[float],
-    rotations: Iterable[Array],
-    tries: int,
-    good: float,
+    samples: Array, scales: Sequence[float], rotations: Iterable[Array], tries: int, good: float,
     dense: Array | None = None,
-) -> FaceFit | None:
+) -> FaceFit | None:  # fmt: skip
     """Return the best fit of ``tries`` noses, the best of all scales and rotations; None without.
 
     The first fit whose score is at least ``good`` ends the search. Noses are found in ``samples``,

@@ -102,13 +102,9 @@ class LoadedMesh:
 
 
 def load_mesh(
-    path: Path | str,
-    *,
-    unit: str = "auto",
-    axes: str = "auto",
-    rotation_deg: Turns | None = None,
+    path: Path | str, *, unit: str = "auto", axes: str = "auto", rotation_deg: Turns | None = None,
     recentre: bool = True,
-) -> LoadedMesh:
+) -> LoadedMesh:  # fmt: skip
     """Read a mesh and align it with the canonical frame (millimetres, y up, z out of the face).
 
     Args:
@@ -239,11 +235,9 @@ def _join(parts: Sequence[_Part | FileMesh]) -> tuple[NDArray[np.float64], NDArr
 
 
 def drop_degenerate(
-    path: Path,
-    vertices: NDArray[np.float64],
-    faces: NDArray[np.int64],
+    path: Path, vertices: NDArray[np.float64], faces: NDArray[np.int64],
     albedo: NDArray[np.float32] | None,
-) -> FileMesh:
+) -> FileMesh:  # fmt: skip
     """Drop triangles (F, 3) without area and unused vertices (V, 3). Raises MeshError for NaN."""
     broken = np.logical_not(np.isfinite(vertices).all(axis=1))
     if broken.any() and len(bad := np.flatnonzero(broken[faces].any(axis=1))):

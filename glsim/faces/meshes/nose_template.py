@@ -68,10 +68,7 @@ def find_tip(
 
     None where there is no surface.
 
-    Args:
-        points_mm: (V, 3), z out of the face.
-        faces: (F, 3).
-        near_mm: (x, y) within a few cells of the tip.
+    Points (V, 3) have z out of the face; ``near_mm`` is (x, y) within a few cells of the tip.
     """
     x, y, z = near_mm[0], near_mm[1], 0.0
     columns, corners = points_mm.T[:2], np.ascontiguousarray(faces.T)

@@ -321,11 +321,9 @@ def _vertices(path: Path, rows: bytes) -> tuple[NDArray[np.float64], NDArray[np.
 
 
 def parse_rows(path: Path, rows: bytes, sizes: Sequence[int]) -> NDArray[np.float64]:
-    """Parse lines of vertices as (V, K). Raises MeshError.
+    """Parse lines of vertices, of ``sizes`` values, as (V, K). Raises MeshError.
 
-    Args:
-        sizes: allowed numbers of values in a line. K is that of the longest line; NaN stands after
-            the end of a shorter line.
+    K is that of the longest line; NaN stands after the end of a shorter line.
     """
     lengths = np.fromiter((len(line.split()) for line in io.BytesIO(rows)), np.int64)
     numbers = parse_numbers(rows, np.float64)

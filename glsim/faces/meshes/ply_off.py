@@ -18,15 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from glsim.core.errors import MeshError
-from glsim.faces.meshes.obj import (
-    PolygonFile,
-    check_count,
-    check_start,
-    parse_numbers,
-    parse_rows,
-    plain_nan,
-    read_bytes,
-)
+from glsim.faces.meshes import obj
 
 #: PLY's names of types, older and newer -> letter of struct and NumPy.
 _TYPES: Final = (
@@ -46,10 +38,8 @@ _Element = tuple[str, int, list[_Property]]
 class _Rows(NamedTuple):
     """The rows of an element.
 
-    Args:
-        table: a structured array; None if rows have lists of different lengths.
-        corners: the lists of vertex indices of all rows, concatenated.
-        counts: number of vertex indices of each row.
+    ``table``: a structured array; None if rows have lists of different lengths. ``corners``: the
+    vertex indices of all rows, concatenated; ``counts``: how many each row has.
     """
 
     table: NDArray[Any] | None
@@ -62,12 +52,12 @@ class _Rows(NamedTuple):
 _ROW_BYTES, _MORE_BYTES = 2000, 1 << 24
 
 
-def read_ply(path: Path) -> PolygonFile:
+def read_ply(path: Path) -> obj.PolygonFile:
     """Read an ASCII or binary PLY of either byte order: polygons or triangle strips.
 
     Raises MeshError, or the parser's error for a damaged file.
     """
-    head = check_start(path, rb"ply\s.*?end_header[ \t]*(\r\n|\n|\r)", "PLY (no end_header)")
+    head = obj.check_start(path, rb"ply\s.*?end_header[ \t]*(\r\n|\n|\r)", "PLY (no end_header)")
     elements, encoding = _header(head.decode("latin-1"))
     rows, size = sum(count for _, count, _ in elements), path.stat().st_size
     least = sum(
@@ -78,10 +68,10 @@ def read_ply(path: Path) -> PolygonFile:
         raise MeshError(
             f"{path}: cut short: it has {size} bytes for the {rows} rows that its header promises"
         )
-    data = read_bytes(path, _ROW_BYTES * rows + _MORE_BYTES)
+    data = obj.read_bytes(path, _ROW_BYTES * rows + _MORE_BYTES)
     if encoding == "ascii":
-        text = plain_nan(data[len(head) :])
-        body, parsed, place = parse_numbers(text, "<f8").tobytes(), dict[str, _Rows](), -1
+        text = obj.plain_nan(data[len(head) :])
+        body, parsed, place = obj.parse_numbers(text, "<f8").tobytes(), dict[str, _Rows](), -1
         with suppress(Exception):
             parsed, place = _elements(path, body, 0, elements)
         if place != len(body):
@@ -98,7 +88,7 @@ def read_ply(path: Path) -> PolygonFile:
     if "face" not in parsed and "tristrips" in parsed:
         corners = _strips(parsed["tristrips"].corners).ravel()
         counts = np.full(len(corners) // 3, 3)
-    return PolygonFile(
+    return obj.PolygonFile(
         _columns(points, ["x", "y", "z"]),
         _columns(points, ["red", "green", "blue"]) if coloured else None,
         corners,
@@ -154,13 +144,13 @@ def _columns(table: NDArray[Any], names: list[str]) -> NDArray[np.float64]:
     return np.stack([table[name] for name in names], axis=1).astype(np.float64)
 
 
-def read_off(path: Path) -> PolygonFile:
+def read_off(path: Path) -> obj.PolygonFile:
     """Read a text OFF, with the vertex colours of a COFF. Raises the errors of ``read_ply``."""
     gap = rb"(?:\s|#[^\n]*\n)"
-    start = check_start(path, gap + rb"*\w*OFF" + gap + rb"+\d+" + gap + rb"+\d+", "a text OFF")
+    start = obj.check_start(path, gap + rb"*\w*OFF" + gap + rb"+\d+" + gap + rb"+\d+", "a text OFF")
     promised = sum(int(word) for word in start.split()[-2:])
-    data = read_bytes(path, _ROW_BYTES * promised + _MORE_BYTES)
-    text = re.sub(rb"#.*", b"", plain_nan(data)).lstrip()
+    data = obj.read_bytes(path, _ROW_BYTES * promised + _MORE_BYTES)
+    text = re.sub(rb"#.*", b"", obj.plain_nan(data)).lstrip()
     head = re.match(rb"(?:ST)?(C?)(N?)OFF(?!\s*BINARY)", text)
     if head is None:
         raise MeshError(f"{path}: damaged or no text OFF of 3D points; export it as PLY")
@@ -169,7 +159,7 @@ def read_off(path: Path) -> PolygonFile:
     rows = b"".join(islice(lines, min(points, len(text))))
     if not 0 < rows.count(b"\n") <= points <= len(text):
         raise MeshError(f"{path}: cut short: it has fewer lines than its header promises")
-    table = parse_rows(path, rows, range(3, 13))
+    table = obj.parse_rows(path, rows, range(3, 13))
     first = 6 if head[2] else 3  # behind the normals
     colours = table[:, first : first + 3] if table.shape[1] >= first + 3 else None
     corners, lengths = array("q"), array("q")
@@ -181,7 +171,7 @@ def read_off(path: Path) -> PolygonFile:
         raise MeshError(f"{path}: cut short: it has {len(counts)} faces of the {faces} it promises")
     colours = colours if head[1] else None
     vertices = table[:, :3].copy()
-    return PolygonFile(vertices, colours, np.array(corners, np.int64), counts).checked(path)
+    return obj.PolygonFile(vertices, colours, np.array(corners, np.int64), counts).checked(path)
 
 
 def _elements(
@@ -213,26 +203,20 @@ def _read_rows(
         raise ValueError("the file ends early")
     values, sizes = bytearray(), array("q")
     steps = [
-        (
-            name,
-            len(types) == 2,
-            Struct(types[0]).unpack_from,
-            calcsize(types[0]),
-            calcsize(types[-1]),
-        )
+        (name, Struct(types[0]), [calcsize(kind) for kind in types[1:]])
         for name, types in properties
     ]
     for _ in range(count):
-        for name, listed, unpack, first, each in steps:
-            length = int(unpack(body, place)[0]) if listed else 0
-            start, place = place + first, place + first + each * length
+        for name, first, each in steps:
+            length = int(first.unpack_from(body, place)[0]) if each else 0
+            start, place = place + first.size, place + first.size + sum(each) * length
             if length < 0 or place > len(body):
                 raise ValueError("a list has no length, or the file ends early")
             if name == chosen:
                 values += body[start:place]
                 sizes.append(length)
     counts = np.array(sizes, np.int64)
-    check_count(path, int(np.maximum(counts - 2, 0).sum()))  # before their numbers take memory
+    obj.check_count(path, int(np.maximum(counts - 2, 0).sum()))  # before their numbers take memory
     corners = np.frombuffer(values, dict(properties)[chosen][1]).astype(np.int64)
     return _Rows(None, corners, counts), place
 

@@ -20,14 +20,7 @@ from glsim.faces.meshes.face_fit import ORIGIN_BEHIND_NOSE_MM
 from glsim.faces.people.identity import BodyIdentity, sample_identity
 from glsim.faces.people.model import REGIONS, BodyModel
 from glsim.faces.people.posture import BodyShape, Posture, movement, sample_posture
-from glsim.faces.procedural.subject import (
-    FIXED_ALBEDO,
-    HAIR_ALBEDO,
-    LIPS_TO_SKIN,
-    SKIN_ALBEDO,
-    STUBBLE_TO_SKIN,
-    clipped_normal,
-)
+from glsim.faces.procedural import subject as heads
 
 _PALE: Final = 0.03  # skin varies by this share over the body (blood, sun); chosen, not measured
 
@@ -91,11 +84,11 @@ class BodySubject:
 def sample_albedo(seed: int, subject: str, regions: NDArray[np.uint8]) -> Floats:
     """Draw a subject's reflectivity (V,) in [0, 1]; a pure function of its arguments."""
     rng = rng_for(seed, "people", "albedo", subject)
-    skin, hair = clipped_normal(rng, *SKIN_ALBEDO), clipped_normal(rng, *HAIR_ALBEDO)
+    skin, hair = (heads.clipped_normal(rng, *a) for a in (heads.SKIN_ALBEDO, heads.HAIR_ALBEDO))
     values = {name: skin * (1.0 + float(rng.normal(0.0, _PALE))) for name in REGIONS}
     values |= {"skin": skin, "nose": skin, "lids": skin, "neck": skin}
-    values |= {"lips": LIPS_TO_SKIN * skin, "scalp": STUBBLE_TO_SKIN * skin, "brow": hair}
-    values |= FIXED_ALBEDO
+    values |= {"lips": heads.LIPS_TO_SKIN * skin, "scalp": heads.STUBBLE_TO_SKIN * skin}
+    values |= {"brow": hair, **heads.FIXED_ALBEDO}
     table = np.array([values[name] for name in REGIONS], dtype=np.float32)
     return np.clip(table, 0.02, 0.95)[regions]
 

@@ -52,11 +52,8 @@ def globe_height(x: Array, y: Array, centers: Array) -> Array:
 def lid_closure(points: Array, centers: Array, lids: Lids) -> list[Array]:
     """Compute a subject's lid-closing offsets: linear and square terms, upper lids then lower.
 
-    Each result is (L, 3) mm for the lid vertices ``lids.index``.
-
-    Args:
-        points: (V, 3) mm, the neutral head.
-        centers: (2, 3) mm, left and right eyeball centres.
+    Each result is (L, 3) mm for the lid vertices ``lids.index`` of a neutral head (V, 3) mm with
+    the left and right eyeball centres (2, 3) mm.
     """
     upper, lower = lids.strips
     gap = np.maximum(points[upper[:, 0], 1] - points[lower[:, 0], 1], 0.0)

@@ -27,9 +27,7 @@ FACTORS = ("male", "size", "fat", "age", "broad", "flat")
 class IdentityParameter:
     """An identity parameter: a normal distribution clipped to [low, high].
 
-    Args:
-        loads: correlations with the FACTORS, in their order.
-        template: value of the template head.
+    ``template``: value of the template head; ``loads``: correlations with the FACTORS.
     """
 
     name: str

@@ -59,21 +59,15 @@ class D3dfacsSettings(MeshFileSettings):
 class D3dfacs(Folder):
     """The face source of D3DFACS in its original layout. Raises ConfigError as Folder does.
 
-    Args:
-        unit: default: metres for registrations, detected by the size of the mesh for raw scans.
-        axes: default: +x+y+z.
+    By default registrations are in metres, raw scans in what their size says; axes are +x+y+z.
     """
 
     name = "d3dfacs"
 
     def __init__(
-        self,
-        root: Path | str,
-        unit: str = "auto",
-        axes: str = "auto",
-        every: int = 1,
+        self, root: Path | str, unit: str = "auto", axes: str = "auto", every: int = 1,
         peak_only: bool = False,
-    ) -> None:
+    ) -> None:  # fmt: skip
         root = Path(root)
         below = root / REGISTRATIONS
         super().__init__(below if below.is_dir() else root, unit=unit, axes=axes)

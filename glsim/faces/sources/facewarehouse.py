@@ -89,14 +89,8 @@ class FaceWarehouseSettings(MeshFileSettings):
 
     def open(self, seed: int) -> FaceSource:
         """Open the set. Raises ConfigError without its folder."""
-        return FaceWarehouse(
-            self.folder,
-            unit=self.unit,
-            axes=self.axes,
-            steps=self.steps or 1,
-            poses=self.poses is not False,
-            expressions=bool(self.expressions),
-        )
+        poses, alone = self.poses is not False, bool(self.expressions)
+        return FaceWarehouse(self.folder, self.unit, self.axes, self.steps or 1, poses, alone)
 
     @classmethod
     def likeness(cls, root: Path, folders: Sequence[Path]) -> float:
@@ -117,14 +111,9 @@ class FaceWarehouse(FileFaces):
     nothing = "no folder Tester_N with a Blendshape or TrainingPose in it"
 
     def __init__(
-        self,
-        root: Path | str,
-        unit: str = "auto",
-        axes: str = "auto",
-        steps: int = 1,
-        poses: bool = True,
-        expressions: bool = False,
-    ) -> None:
+        self, root: Path | str, unit: str = "auto", axes: str = "auto", steps: int = 1,
+        poses: bool = True, expressions: bool = False,
+    ) -> None:  # fmt: skip
         super().__init__(root, unit, axes)
         self._steps, self._poses, self._expressions = steps, poses, expressions
 

@@ -28,15 +28,8 @@ from pydantic import Field
 from glsim.core.errors import ConfigError, MeshError, did_you_mean
 from glsim.core.files.listing import entries, files_below, natural
 from glsim.faces.face_source import Face, FaceKey, FaceSource, MeshFileSettings
+from glsim.faces.meshes import load
 from glsim.faces.meshes.alignment import Alignment, Turns, check_axes, check_unit
-from glsim.faces.meshes.load import (
-    FileMesh,
-    check_head_size,
-    find_alignment,
-    manifest_notes,
-    merge_patches,
-    read_mesh,
-)
 from glsim.faces.meshes.obj import EXTENSIONS
 from glsim.faces.scans.file_source import FileFaces, file_contents, one_bad_file
 from glsim.faces.scans.file_tree import last_number, unique_name
@@ -92,13 +85,9 @@ class Folder(FileFaces):
     nothing = f"no mesh in it or below it ({', '.join(EXTENSIONS)} are read)"
 
     def __init__(
-        self,
-        root: Path | str,
-        unit: str = "auto",
-        axes: str = "auto",
-        rotation_deg: Turns | None = None,
-        overrides: Mapping[str, Placement] | None = None,
-    ) -> None:
+        self, root: Path | str, unit: str = "auto", axes: str = "auto",
+        rotation_deg: Turns | None = None, overrides: Mapping[str, Placement] | None = None,
+    ) -> None:  # fmt: skip
         super().__init__(root, unit, axes)
         self._turns = rotation_deg
         self._bad: dict[str, MeshError] = {}
@@ -134,25 +123,25 @@ class Folder(FileFaces):
             with one_bad_file(self.root / key.path):
                 file_mesh, alignment = self._read(key), self._alignment_of(key)
                 mesh = file_mesh.to_mesh(alignment)
-                mesh = check_head_size(self.root / key.path, mesh, alignment)
+                mesh = load.check_head_size(self.root / key.path, mesh, alignment)
         except MeshError as error:
             self._bad[key.path] = error
             raise
         if self._topologies and np.array_equal(self._topologies[0], mesh.faces):
             mesh = replace(mesh, faces=self._topologies[0])
         self._topologies = [mesh.faces]
-        return Face(key, mesh, notes=manifest_notes(file_mesh, alignment) | self._notes(key))
+        return Face(key, mesh, notes=load.manifest_notes(file_mesh, alignment) | self._notes(key))
 
     def _paths(self, key: FaceKey) -> list[Path]:
         return [self.root / key.path]
 
-    def _read(self, key: FaceKey) -> FileMesh:
-        return merge_patches([read_mesh(path) for path in self._paths(key)])
+    def _read(self, key: FaceKey) -> load.FileMesh:
+        return load.merge_patches([load.read_mesh(path) for path in self._paths(key)])
 
     def _align(
-        self, path: Path, file_mesh: FileMesh, unit: str, axes: str, turns: Turns | None
+        self, path: Path, file_mesh: load.FileMesh, unit: str, axes: str, turns: Turns | None
     ) -> Alignment:
-        return find_alignment(path, file_mesh, unit, axes, turns)
+        return load.find_alignment(path, file_mesh, unit, axes, turns)
 
     def _notes(self, key: FaceKey) -> dict[str, object]:
         return {}

@@ -88,10 +88,8 @@ class IctFaceKitSettings(GeneratorSettings):
 class MorphableModel:
     """A linear face model: vertices = weights @ basis, in canonical axes and mm.
 
-    Args:
-        basis: (1 + 100 + E, V * 3) float32: mean face, identity modes, expression shapes; a memory
-            map of the cache file, shared by all processes of the machine.
-        expressions: names of the E shapes, in the order of the rows.
+    ``basis`` (1 + 100 + E, V * 3) float32: mean face, identity modes, E named expression shapes; a
+    memory map of the cache file, shared by all processes of the machine.
     """
 
     basis: NDArray[np.float32]
@@ -161,12 +159,9 @@ class IctFaceKit(GeneratedFaces[NDArray[np.float32]]):
     letter = "i"
 
     def __init__(
-        self,
-        root: Path | str,
-        seed: int = 0,
-        frames_per_sequence: int = DEFAULT_SEQUENCE,
+        self, root: Path | str, seed: int = 0, frames_per_sequence: int = DEFAULT_SEQUENCE,
         frames_per_second: float | None = None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(seed, frames_per_sequence, frames_per_second)
         below = Path(root) / "FaceXModel"
         self.root = below if below.is_dir() else Path(root)

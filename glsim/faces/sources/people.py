@@ -61,23 +61,18 @@ class People(GeneratedFaces[BodySubject]):
 
     The mesh is always the whole person. Raises ConfigError without anny.
 
-    Args:
-        framing: point of the body at the origin of the mesh, and so at ``pose.distance_mm``.
-            "face": the head is upright in the canonical frame, and the body turns under it. "bust":
-            base of the neck, "body": middle of the body; the body stands upright.
+    ``framing``: point of the body at the origin of the mesh, and so at ``pose.distance_mm``.
+    "face": the head is upright in the canonical frame, and the body turns under it. "bust": base of
+    the neck, "body": middle of the body; the body stands upright.
     """
 
     name = "people"
     letter = "a"
 
     def __init__(
-        self,
-        seed: int = 0,
-        frames_per_sequence: int = DEFAULT_SEQUENCE,
-        frames_per_second: float | None = None,
-        *,
-        framing: str = "face",
-    ) -> None:
+        self, seed: int = 0, frames_per_sequence: int = DEFAULT_SEQUENCE,
+        frames_per_second: float | None = None, *, framing: str = "face",
+    ) -> None:  # fmt: skip
         super().__init__(seed, frames_per_sequence, frames_per_second)
         data_folder()  # raises an error that tells what to install
         self.framing = framing

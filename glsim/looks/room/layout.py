@@ -102,10 +102,8 @@ def build_wall(rng: Rng, wall: Wall, height: float, paint: float) -> list[Shape]
 class FloorPlan:
     """The floor of a room: its extent and its occupied areas.
 
-    Args:
-        extent: (left, back, right, front), mm.
-        discs: (x, z, radius) on the way from the camera to the person, and around other people.
-        areas: (x0, z0, x1, z1) covered by furniture.
+    ``extent``: (left, back, right, front), mm; ``discs``: (x, z, radius) on the way from the camera
+    to the person, and around other people; ``areas``: (x0, z0, x1, z1) covered by furniture.
     """
 
     extent: tuple[float, float, float, float]

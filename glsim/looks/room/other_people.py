@@ -31,12 +31,9 @@ class OtherPeople:
     """Loads the bodies of background people and places them in rooms."""
 
     def __init__(
-        self,
-        settings: Settings,
-        sources: Sequence[FaceSource],
-        dressers: Sequence[Dresser],
+        self, settings: Settings, sources: Sequence[FaceSource], dressers: Sequence[Dresser],
         rig: SensorRig,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._settings, self._sources, self._rig = settings, sources, rig
         self._dressers = dressers
         self._most = round(settings.scene.people.bounds()[1])

@@ -7,15 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from glsim.core.seeds import pcg_rng
+from glsim.looks.room import layout
 from glsim.looks.room.furniture import make_seat, sample_albedo
-from glsim.looks.room.layout import (
-    FloorPlan,
-    Wall,
-    build_wall,
-    furnish_wall,
-    sample_openings,
-    stand_free,
-)
 from glsim.looks.room.shapes import Shape, moved, plate, turned
 
 Rng = np.random.Generator
@@ -73,7 +66,7 @@ def build_room(n: RoomNumbers) -> tuple[list[Shape], list[tuple[float, float, fl
     paint = sample_albedo(_rng(n, "paint"), "wall paint")
     shapes: list[Shape] = []
     for wall in walls:
-        shapes += build_wall(_rng(n, "shell", wall.name), wall, n.height_mm, paint)
+        shapes += layout.build_wall(_rng(n, "shell", wall.name), wall, n.height_mm, paint)
     corners = [(left, back), (left, front), (right, front), (right, back)]
     rng = _rng(n, "levels")
     ground = "carpet" if rng.random() < 0.3 else "floor"
@@ -81,11 +74,11 @@ def build_room(n: RoomNumbers) -> tuple[list[Shape], list[tuple[float, float, fl
     shapes.append(plate(floor, sample_albedo(rng, ground), region="floor"))
     ceiling = [(x, n.height_mm, z) for x, z in corners[::-1]]
     shapes.append(plate(ceiling, sample_albedo(rng, "ceiling paint"), region="ceiling"))
-    plan = FloorPlan((left, back, right, front), [*way])
+    plan = layout.FloorPlan((left, back, right, front), [*way])
     people = _places(n, plan)
     for wall in walls:
-        shapes += furnish_wall(_rng(n, "wall", wall.name), n.kind, wall, plan, n.clutter)
-    shapes += stand_free(_rng(n, "free"), n.kind, plan, n.clutter)
+        shapes += layout.furnish_wall(_rng(n, "wall", wall.name), n.kind, wall, plan, n.clutter)
+    shapes += layout.stand_free(_rng(n, "free"), n.kind, plan, n.clutter)
     if n.seat_mm is not None:
         seat = make_seat(_rng(n, "seat"), n.kind, n.seat_mm)
         shapes += moved(seat, turn_deg=-n.turn_deg)  # it faces the camera
@@ -109,7 +102,9 @@ def _way(n: RoomNumbers) -> list[tuple[float, float, float]]:
     return [(float(p[0]), float(p[2]), float(r)) for p, r in zip(points, radii, strict=True)]
 
 
-def _walls(n: RoomNumbers, left: float, back: float, right: float, front: float) -> list[Wall]:
+def _walls(
+    n: RoomNumbers, left: float, back: float, right: float, front: float
+) -> list[layout.Wall]:
     places = (
         ("back", (left, back), 0.0, right - left),
         ("left", (left, front), 90.0, front - back),
@@ -121,12 +116,12 @@ def _walls(n: RoomNumbers, left: float, back: float, right: float, front: float)
         doors, windows = int(rng.random() < 0.45), int(rng.choice([0, 1, 1, 2]))
         if n.kind == "empty":
             doors, windows = int(name == "left"), int(name == "right")
-        openings = sample_openings(rng, length, n.height_mm, doors, windows)
-        walls.append(Wall(name, start, turn, length, tuple(openings)))
+        openings = layout.sample_openings(rng, length, n.height_mm, doors, windows)
+        walls.append(layout.Wall(name, start, turn, length, tuple(openings)))
     return walls
 
 
-def _places(n: RoomNumbers, plan: FloorPlan) -> list[tuple[float, float, float]]:
+def _places(n: RoomNumbers, plan: layout.FloorPlan) -> list[tuple[float, float, float]]:
     """Sample positions (x, z, turn) of other people, 1 to 3 m from the person, in the room."""
     rng, found = _rng(n, "people"), []
     for _ in range(n.people):

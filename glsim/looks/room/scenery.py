@@ -59,11 +59,9 @@ class Prop(NamedTuple):
 class Scenery(NamedTuple):
     """All meshes around the person of a frame, with the camera's tilt.
 
-    Args:
-        sampled: entries of the manifest, "scene.name" -> number.
-        tilt_deg: upward tilt of the camera.
-        places: for each other person a (4, 4) matrix to camera axes, m. It starts from canonical
-            axes with the origin at the feet, mm, and +z in the direction of view.
+    ``sampled``: entries of the manifest, "scene.name" -> number; ``tilt_deg``: upward; ``places``:
+    for each other person a (4, 4) matrix to camera axes, m, from canonical axes with the origin at
+    the feet, mm, and +z in the direction of view.
     """
 
     props: tuple[Prop, ...] = ()

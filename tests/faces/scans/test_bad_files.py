@@ -38,7 +38,7 @@ def test_any_exception_of_a_reader_costs_one_frame(
             raise error
         return read_mesh(path)
 
-    monkeypatch.setattr(folder_source, "read_mesh", read)
+    monkeypatch.setattr(folder_source.load, "read_mesh", read)
     source = Folder(tmp_path)
     faces = list(source.load(source.frames("a", None)))
     assert [isinstance(face, Face) for face in faces] == [
