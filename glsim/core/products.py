@@ -51,6 +51,11 @@ def norm(vector: _Numbers) -> float:
     return float(np.sqrt((vector * vector).sum()))
 
 
+def units(vectors: _Numbers) -> _Numbers:
+    """Return vectors (..., K) at unit length."""
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
+
+
 def nearest_rotation(matrix: Array) -> Array:
     """Compute the rotation nearest to a (3, 3) matrix of positive determinant.
 

@@ -25,7 +25,7 @@ KNOWN_REGIONS: Final = (
     "face", "head", "eye socket", "mouth socket", "gums",
     "scalp", "torso", "arm", "hand", "leg", "foot",
     "wall", "floor", "ceiling", "door", "window", "furniture", "screen", "plant", "person",
-    "beard", "glasses", "cloth", "shoulder",
+    "beard", "glasses", "cloth", "shoulder", "hat", "headphones",
 )  # fmt: skip
 _KEPT_LABELS: Final = 64  # cached arrays; a room needs ten, one for each mesh
 _MAX_REGIONS: Final = 255  # 8 bits; 0 means no region

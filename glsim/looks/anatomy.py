@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from glsim.core.array_types import Floats, Mask, Reals, Triangles
 from glsim.core.errors import ConfigError
+from glsim.core.products import product
+from glsim.looks.styles import STYLE_TABLE
 
 _EYES: Final = ("sclera", "iris", "pupil", "eyes")
 _INSIDE: Final = (*_EYES, "eye socket", "mouth socket", "gums", "teeth", "mouth", "tongue")
@@ -25,11 +27,6 @@ _BODY: Final = ("torso", "arm", "hand", "leg", "foot")
 #: Height of a mean adult's head above the eyes, mm: 223 mm from chin to top minus 116 mm from chin
 #: to eyes (Farkas, Anthropometry of the Head and Face, 1994, means of men and women).
 _MEAN_EYE_TO_TOP_MM: Final = 107.0
-
-#: Depth z of the hairline relative to the eyes of a mean adult, mm, from nape over ear and temple
-#: to the forehead. The height above the eyes follows. Chosen by comparison with portraits.
-_LINE_Z: Final = (-195.0, -150.0, -120.0, -102.0, -88.0, -74.0, -64.0, -52.0, -36.0, -15.0, 5.0, 25)
-_LINE_Y: Final = (-70.0, -66.0, -52.0, -18.0, -8.0, -2.0, 18.0, 36.0, 48.0, 57.0, 63.0, 68.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,8 +96,9 @@ class Anatomy:
     def above_hairline_mm(self, points: Reals) -> Reals:
         """Compute points' heights above the hairline, (N,) mm; negative on bare skin."""
         local = (points - self.eye) / self.scale
-        line = np.interp(local[:, 2], _LINE_Z, _LINE_Y)
-        step = np.interp(local[:, 2] + 1, _LINE_Z, _LINE_Y) - line
+        curve = STYLE_TABLE["hairline"]["z"], STYLE_TABLE["hairline"]["y"]
+        line = np.interp(local[:, 2], *curve)
+        step = np.interp(local[:, 2] + 1, *curve) - line
         inside = (local[:, 1] - line) / np.sqrt(1 + step**2)
         return np.asarray(inside * self.scale)
 
@@ -112,6 +110,16 @@ class Anatomy:
                 "dressed: leave appearance.wear out"
             )
         return points
+
+
+def beside_line(points: Reals, skin: Reals, way: Reals, near_mm: float) -> Reals:
+    """Return the farthest place along a way, (N,) mm, of skin (M, 3) beside points (N, 3).
+
+    Skin counts that is at most ``near_mm`` from a point's line along ``way``; -inf without.
+    """
+    flat, skin_flat = (p - product(p, way)[:, None] * way for p in (points, skin))
+    near = ((flat[:, None] - skin_flat) ** 2).sum(axis=2) < near_mm**2
+    return np.asarray(np.where(near, product(skin, way), -np.inf).max(axis=1))
 
 
 def _middle(points: Reals) -> Reals:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -16,11 +17,6 @@ from glsim.looks.styles import STYLE_TABLE
 
 #: Height from mouth to eyes of a mean adult, mm (Farkas 1994: 67 from stomion to sellion).
 _EYE_TO_MOUTH_MM: Final = 66.0
-#: Outline of a full beard: depths z behind the mouth, mm. The next lines have the heights y above
-#: the mouth of its upper and lower edge at these depths. The values were chosen, not measured.
-_CHEEK_Z: Final = (-110.0, -88.0, -70.0, -50.0, -30.0, -10.0, 10.0)
-_CHEEK_Y: Final = (62.0, 58.0, 28.0, 12.0, 6.0, 8.0, 12.0)
-_LOW_Y: Final = (-6.0, -12.0, -38.0, -58.0, -66.0, -66.0, -66.0)
 _EDGE_MM: Final = 6.3
 #: Height of each sheet as a share of the length, and the share of it that strands cover. Chosen.
 _SHEETS: Final = ((1.0, 0.5), (0.45, 0.9))
@@ -28,20 +24,6 @@ _SHEETS: Final = ((1.0, 0.5), (0.45, 0.9))
 _SPARSE_MM, _STRAND_MM = 9.0, 0.7
 
 
-@dataclass(frozen=True)
-class BeardStyle:
-    """A beard style: the hair length in mm, and the parts of the face that the beard covers."""
-
-    name: str
-    weight: float
-    length: tuple[float, float]
-    cheeks: bool = True
-    chin: bool = True
-    lip: bool = True
-    hang: float = 0.0
-
-
-BEARDS: Final = tuple(BeardStyle(name, **row) for name, row in STYLE_TABLE["beard"].items())
 #: Grid of a source's brows, the grid's points on the reference, (N, 3) mm, and hair density, (N,).
 BrowGrid = tuple[SkinGrid, Reals, Reals]
 
@@ -74,7 +56,7 @@ def make_beard_grid(anatomy: Anatomy) -> BeardGrid:
 
 def _outline(anatomy: Anatomy, points: Reals) -> tuple[Reals, Reals, Reals]:
     """Compute the fields ``inside``, ``lip`` and ``chin`` of BeardGrid at points (N, 3)."""
-    size = (anatomy.eye[1] - anatomy.mouth[1]) / _EYE_TO_MOUTH_MM
+    size, outline = (anatomy.eye[1] - anatomy.mouth[1]) / _EYE_TO_MOUTH_MM, STYLE_TABLE["outline"]
     local = (points - anatomy.mouth) / size
     x, y, z = np.abs(local[:, 0]), local[:, 1], local[:, 2]
     nose = anatomy.vertices_mm[anatomy.is_in("nose")]
@@ -83,29 +65,29 @@ def _outline(anatomy: Anatomy, points: Reals) -> tuple[Reals, Reals, Reals]:
     lips = anatomy.vertices_mm[anatomy.is_in("lips")]
     half, high = (0.5 * float(np.ptp(lips[:, axis])) / size for axis in (0, 1))
     off_lips = (np.hypot(x / (half + 2.0), y / (high + 1.5)) - 1) * high
-    cheek = np.interp(z, _CHEEK_Z, _CHEEK_Y)
+    cheek = np.interp(z, outline["z"], outline["high"])
     # The upper outline is at the base of the nose up to 12 mm from the middle, and is blended to
     # the cheek line at 28 mm.
     beside = np.clip((x - 12.0) / 16.0, 0, 1)
     rise = nose_base - 1.5 + (cheek - nose_base + 1.5) * beside
     upper = np.where(z > -34, np.maximum(cheek, rise), cheek) - y
-    lower = y - np.interp(z, _CHEEK_Z, _LOW_Y)
+    lower = y - np.interp(z, outline["z"], outline["low"])
     ear_front = float(anatomy.ears[:, 2].mean() - anatomy.mouth[2]) / size + 14
-    outline = np.minimum.reduce([upper, lower, z - ear_front])
+    inside = np.minimum.reduce([upper, lower, z - ear_front])
     lip = np.minimum(half + 7.0 - x, y + 13 - 0.25 * np.abs(x - half))
     chin = np.minimum(26.0 - x - 0.1 * np.abs(y), -y - 2)
-    return np.minimum(outline, off_lips) * size, lip * size, chin * size
+    return np.minimum(inside, off_lips) * size, lip * size, chin * size
 
 
 def make_beard(
-    beard: BeardGrid, rest_mm: Reals, style: BeardStyle, length_mm: float, seed: int
+    beard: BeardGrid, rest_mm: Reals, style: Mapping[str, Any], length_mm: float, seed: int
 ) -> list[Hair]:
-    """Make a beard's sheets, the outermost first, on a subject at rest, (V, 3) mm."""
+    """Make the sheets of a ``style`` of styles.toml, the outermost first, on a head (V, 3) mm."""
     inside = beard.inside.copy()
-    if not style.cheeks:
-        areas = ((style.chin, beard.chin), (style.lip, beard.lip))
-        inside = np.minimum(inside, np.max([area for worn, area in areas if worn], axis=0))
-    elif not style.lip:
+    if not style.get("cheeks", True):
+        areas = [getattr(beard, area) for area in ("chin", "lip") if style.get(area, True)]
+        inside = np.minimum(inside, np.max(areas, axis=0))
+    elif not style.get("lip", True):
         inside = np.minimum(inside, -beard.lip)
     grid, blend = beard.grid.clipped(inside + 2.5 * smooth_noise(beard.points / 6.0, seed))
     points, inside = blend.of(beard.points), blend.of(inside)
@@ -114,11 +96,11 @@ def make_beard(
     relief = min(0.7 * length_mm, 4.5) * smooth_noise(tufts / 8.0, seed + 1)
     height = np.maximum(length_mm * rim + relief * np.sqrt(rim), 0.3)
     drop = np.zeros((len(points), 3), np.float32)
-    if style.hang:
+    if hang := style.get("hang", 0):
         share = np.clip(blend.of(beard.chin) / 18.0 + 0.2, 0, 1)
         ends = 1 + 0.35 * smooth_noise(points / 7.0, seed + 3)
-        drop[:, 1] = -style.hang * share * ends * rim**2
-        drop[:, 2] = 0.15 * style.hang * share * rim
+        drop[:, 1] = -hang * share * ends * rim**2
+        drop[:, 2] = 0.15 * hang * share * rim
     dense = np.clip(inside / _SPARSE_MM, 0.1, 1)
     return [
         _sheet(Shell(grid, rest_mm, share * height, share * drop), points[:, [0, 2, 1]],

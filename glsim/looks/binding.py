@@ -10,6 +10,7 @@ import numpy as np
 from glsim.core.array_types import Array, Floats, Mask, Reals, Triangles, Whole
 from glsim.core.mesh import vertex_normals
 from glsim.core.products import nearest_rotation, product
+from glsim.looks.room.shapes import Shape
 from glsim.looks.skin_grid import Anchors, SkinGrid, point_normals
 
 Points = Floats
@@ -81,9 +82,9 @@ class Rigid:
 
     used = np.zeros(0, np.int64)
 
-    def __init__(self, points_mm: Points) -> None:
-        """Store the object's points (N, 3) mm on the subject's head at rest."""
-        self.points_mm = points_mm
+    def __init__(self, shape: Shape) -> None:
+        """Store an object on the subject's head at rest."""
+        self.points_mm = shape.vertices_mm.astype(np.float32)
 
     def place(self, _vertices_mm: Points, motion: Motion) -> Points:
         """Move the points (N, 3) with the skull, mm."""
@@ -96,13 +97,10 @@ class Shell:
     def __init__(
         self, grid: SkinGrid, rest_mm: Reals, offset_mm: Reals, drop_mm: Points | None = None
     ) -> None:
-        """Bind a layer to the skin by the offset of each grid point at rest.
+        """Bind a layer to the skin of a resting head (V, 3) mm by the offset of each grid point.
 
-        Args:
-            grid: the grid of the skin.
-            rest_mm: (V, 3) mm, the subject's vertices at rest.
-            offset_mm: (N,) mm along the skin's smooth normals, or (N, 3) mm in canonical axes.
-            drop_mm: (N, 3) mm, an additional offset that rotates with the skull, not with the skin.
+        ``offset_mm``: (N,) along the skin's smooth normals, or (N, 3) in canonical axes;
+        ``drop_mm`` (N, 3): a further offset that rotates with the skull, not with the skin.
         """
         self.used, self.faces = grid.base, np.ascontiguousarray(grid.faces, np.int32)
         drop = np.zeros((1, 3), np.float32) if drop_mm is None else drop_mm

@@ -34,10 +34,8 @@ TRUNK, ARMS, LEGS, FEET = 0, (1, 2), (3, 4), (5, 6)
 class ClothGrid:
     """The grid of the skin that clothes can cover, shared by all subjects of a source.
 
-    Args:
-        part: (N,) number of the body part: TRUNK, or one of ARMS, LEGS, FEET.
-        neck: (3,) mm, centre of the border between neck and torso of the reference.
-        above_neck: (N,) mm, height above the plane of the neck opening.
+    ``part`` (N,): TRUNK, or one of ARMS, LEGS, FEET; ``neck`` (3,) mm: centre of the border between
+    neck and torso of the reference; ``above_neck`` (N,) mm: height above the neck opening's plane.
     """
 
     grid: SkinGrid

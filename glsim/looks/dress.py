@@ -22,18 +22,23 @@ from glsim.looks.cloth import make_clothes
 from glsim.looks.cloth_body import fit_cloth, make_cloth_grid
 from glsim.looks.glasses import make_glasses
 from glsim.looks.hair import make_hair, make_scalp
+from glsim.looks.hand import make_hand
+from glsim.looks.headwear import make_hat, make_headphones
 from glsim.looks.noise import Pattern, pattern_factors
 from glsim.looks.outfit import Outfit, sample_outfit
+from glsim.looks.styles import STYLE_TABLE
 from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import AppearanceSettings
 
 _Grid = TypeVar("_Grid")
 
 #: Regions of worn meshes, in the order of the settings.
-WORN_REGIONS: Final = ("hair", "beard", "brow", "glasses", "cloth")
+WORN_REGIONS: Final = ("hair", "beard", "brow", "glasses", "cloth", "hat", "headphones", "hand")
+_SETTINGS: Final = {"brow": "brows"}  # region -> the setting of its share, if named otherwise
 #: Materials with mirror light, added to the albedo of their vertices: 4 times the number that
 #: shaders/lib/gloss.glsl has; and the share of light that passes a clear lens twice: 92 % each way.
-WORN_GLOSS: Final = {"skin": 4.0, "eye": 8.0, "lip": 12.0, "frame": 16.0, "lens": 20.0}
+WORN_GLOSS: Final = {"skin": 4.0, "eye": 8.0, "lip": 12.0, "frame": 16.0, "lens": 20.0,
+                     "metal": 24.0, "leather": 28.0}  # fmt: skip
 _LENS_TWICE: Final = 0.92**2
 #: Sources that wear = "auto" dresses; others have bare faces, as in the paper.
 DRESSED_SOURCES: Final = ("people",)
@@ -47,8 +52,7 @@ def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) ->
     """Return the region names of hair, glasses and clothes; [] if no source is dressed."""
     if not any(Dresser(source, settings).is_on for source in sources):
         return []
-    shares = (settings.hair, settings.beard, settings.brows, settings.glasses, settings.cloth)
-    return [name for name, share in zip(WORN_REGIONS, shares, strict=True) if share > 0]
+    return [name for name in WORN_REGIONS if getattr(settings, _SETTINGS.get(name, name)) > 0]
 
 
 @dataclass(eq=False)
@@ -76,10 +80,8 @@ class _Worn:
 class _Wardrobe:
     """All worn meshes of one subject.
 
-    Args:
-        skull: (K, 3) mm, points of the skull at rest.
-        faces, occluder: triangles of the skin that no cloth covers, as in ``Mesh``.
-        skin: the albedo of the source's mesh, and the same with the scalp's colour.
+    ``skull``: (K, 3) mm, points at rest; ``faces``, ``occluder``: triangles of the skin that no
+    cloth covers; ``skin``: the albedo of the source's mesh, and with the scalp's colour.
     """
 
     outfit: Outfit
@@ -156,7 +158,8 @@ class Dresser:
     def _wardrobe(self, face: Face, seeds: ScopeSeeds) -> _Wardrobe:
         key = face.key.subject, seeds.subject
         if key not in self._wardrobes:
-            outfit = sample_outfit(self._settings, seeds, face.notes)
+            own = {"hand": 0.0} if self._reference.body.any() else {}  # bodies have hands
+            outfit = sample_outfit(self._settings.model_copy(update=own), seeds, face.notes)
             self._wardrobes[key] = self._make(face, outfit)
             while len(self._wardrobes) > _CACHED_SUBJECTS:
                 self._wardrobes.popitem(last=False)
@@ -171,13 +174,14 @@ class Dresser:
         shells: list[Shell] = []
 
         def wear(
-            region: str, binding: Binding, faces: Triangles, albedo: float,
-            pattern: Pattern = "plain", light: float | Array = 1.0, **more: Any,
+            region: str, binding: Binding, faces: Triangles, albedo: float | Array,
+            pattern: Pattern = "plain", light: float | Array = 1.0, shine: str = "", **more: Any,
         ) -> None:  # fmt: skip
             if len(faces):
                 points = binding.place(vertices, rest)
                 factors = pattern_factors(pattern, points, outfit.seed + len(worn))
                 values = np.clip(albedo * light * factors, 0.0, 1.0).astype(np.float32)
+                values += WORN_GLOSS[shine] if shine and self._settings.gloss else 0.0
                 worn.append(_Worn(region, binding, Mesh(points, faces, values, **more)))
 
         for region, hair in self._hair(anatomy, vertices, outfit):
@@ -185,32 +189,57 @@ class Dresser:
                 region, hair.binding, hair.faces, outfit.hair_albedo, light=hair.light,
                 strands=hair.strands, occluder=hair.occluder,
             )  # fmt: skip
-        if outfit.glasses is not None:
-            points, faces, is_lens = make_glasses(
-                anatomy, vertices, outfit.glasses, outfit.lens, outfit.seed
-            )
-            wear("glasses", Rigid(points), faces, outfit.rim_albedo)
+        if outfit.glasses:
+            frame = STYLE_TABLE["glasses"][outfit.glasses]
+            shape, is_lens = make_glasses(anatomy, vertices, frame, outfit.lens, outfit.seed)
+            wear("glasses", Rigid(shape), shape.faces, outfit.rim_albedo)
             albedo = cast("Floats", worn[-1].mesh.albedo)
             albedo[is_lens] = outfit.lens_albedo
             if self._settings.gloss:
-                shine = np.where(is_lens, WORN_GLOSS["lens"], WORN_GLOSS["frame"])
-                albedo += shine.astype(np.float32)
+                rim = WORN_GLOSS[frame.get("of", "frame")]
+                albedo += np.where(is_lens, WORN_GLOSS["lens"], rim).astype(np.float32)
         cloth = self._grid(make_cloth_grid) if outfit.garments else None
         if cloth is not None:
             body = fit_cloth(cloth, vertices)
             made = make_clothes(body, outfit.garments, outfit.tucked, anatomy.scale, outfit.seed)
             patterns: tuple[Pattern, ...] = (outfit.pattern, "plain", "plain")
-            for garment, bright, pattern in zip(made, outfit.cloth_albedos, patterns, strict=False):
-                shell, folds = garment
+            looks = zip(made, outfit.cloth_albedos, patterns, ("", "", "leather"), strict=False)
+            for (shell, folds), bright, pattern, shine in looks:
                 shadow = occluder_of(shell.place(vertices, rest), shell.faces)
-                wear("cloth", shell, shell.faces, bright, pattern, folds=folds, occluder=shadow)
+                wear(
+                    "cloth", shell, shell.faces, bright, pattern, shine=shine, folds=folds,
+                    occluder=shadow,
+                )  # fmt: skip
                 shells.append(shell)
+        for region, thing, corners, albedos, more in self._carried(anatomy, face.mesh, outfit):
+            wear(region, thing, corners, albedos, **more)
         faces, occluder = anatomy.faces, face.mesh.occluder
         if shells:
             free = uncovered(faces, len(vertices), shells)
             faces = faces[free[faces].any(axis=1)]
             occluder = None if occluder is None else occluder[free[occluder].any(axis=1)]
         return _Wardrobe(outfit, worn, vertices[self._skull], faces, occluder)
+
+    def _carried(
+        self, anatomy: Anatomy, mesh: Mesh, outfit: Outfit
+    ) -> Iterator[tuple[str, Binding, Triangles, float | Array, dict[str, Any]]]:
+        """Yield a hat, headphones and a hand: region, binding, triangles, albedo, more of Mesh."""
+        hair_mm = 0.0
+        if (hair := outfit.hair) is not None:  # hair that hangs swings by 4 mm: chosen
+            hair_mm = anatomy.scale * (max(hair.top, hair.side, hair.back) + 4 * (hair.hang > 0))
+        if outfit.hat:
+            style = STYLE_TABLE["hats"][outfit.hat]
+            shape, ribs = make_hat(anatomy, style, hair_mm, outfit.seed)
+            yield "hat", Rigid(shape), shape.faces, outfit.hat_albedo, {"folds": ribs}
+        if bright := outfit.headphones_albedo:
+            shape = make_headphones(anatomy, hair_mm, outfit.seed)
+            yield "headphones", Rigid(shape), shape.faces, bright, {"shine": "frame"}
+        if outfit.hand:
+            pose = STYLE_TABLE["hands"][outfit.hand]
+            hand, faces, is_sleeve = make_hand(anatomy, pose, outfit.seed)
+            bare = self._bare_albedo(mesh)
+            sleeve = outfit.cloth_albedos[0] if outfit.garments else bare
+            yield "hand", hand, faces, np.where(is_sleeve, sleeve, bare), {}
 
     def _hair(
         self, anatomy: Anatomy, skin_mm: Floats, outfit: Outfit
@@ -219,26 +248,31 @@ class Dresser:
         if outfit.hair is not None:
             scalp = self._grid(make_scalp)
             yield "hair", make_hair(anatomy, scalp, skin_mm, outfit.hair, outfit.seed)
-        if outfit.beard is not None:
-            grid = self._grid(make_beard_grid)
-            for sheet in make_beard(grid, skin_mm, outfit.beard, outfit.beard_mm, outfit.seed):
+        if outfit.beard:
+            grid, style = self._grid(make_beard_grid), STYLE_TABLE["beard"][outfit.beard]
+            for sheet in make_beard(grid, skin_mm, style, outfit.beard_mm, outfit.seed):
                 yield "beard", sheet
         if outfit.brow_mm:
             brows = self._grid(make_brow_grid)
             yield "brow", make_brows(brows, skin_mm, outfit.brow_mm, outfit.seed)
+
+    def _bare_albedo(self, mesh: Mesh) -> float:
+        """Return the albedo of a face's bare skin."""
+        skin = self._reference.is_in("skin", "face", "cheek")
+        if mesh.albedo is None or not skin.any():
+            return SKIN_ALBEDO
+        return float(np.median(mesh.albedo[skin]))
 
     def _skin(self, wardrobe: _Wardrobe, mesh: Mesh) -> Floats | None:
         """Return the albedo of the skin, (V,), also where a source paints hair on the scalp."""
         if wardrobe.skin is None or wardrobe.skin[0] is not mesh.albedo:
             plain = np.full(len(mesh.vertices_mm), SKIN_ALBEDO, np.float32)
             albedo = plain if mesh.albedo is None else mesh.albedo.copy()
-            skin = albedo[self._reference.is_in("skin", "face", "cheek")]
             if self._settings.hair:
-                bald = float(np.median(skin)) if len(skin) else 0.6
-                albedo[self._reference.is_in("scalp", "hair")] = bald
+                albedo[self._reference.is_in("scalp", "hair")] = self._bare_albedo(mesh)
             if self._settings.gloss:
                 eye = self._reference.is_in("sclera", "iris", "pupil", "eyes")
-                albedo[eye] *= 1.0 if wardrobe.outfit.glasses is None else _LENS_TWICE
+                albedo[eye] *= _LENS_TWICE if wardrobe.outfit.glasses else 1.0
                 albedo += WORN_GLOSS["skin"]
                 for name, where in (("eye", eye), ("lip", self._reference.is_in("lips"))):
                     albedo[where] += WORN_GLOSS[name] - WORN_GLOSS["skin"]

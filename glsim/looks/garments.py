@@ -13,24 +13,7 @@ Profile = Sequence[Sequence[float]]
 
 @dataclass(frozen=True)
 class Garment:
-    """A garment type; lengths are in mm for a mean adult.
-
-    Args:
-        women, men: relative frequencies.
-        ease: gap between skin and cloth, where the cloth does not rest on the skin.
-        flare: additional gap at the hem.
-        hang: 0 for cloth that follows the body, 1 for cloth that falls straight down.
-        fold: height of the folds.
-        limb: covered share of arms or legs.
-        limb_ease, limb_flare: gap around limbs, and additional gap at the cuffs.
-        collar: kind of collar, a name in COLLARS or HEMS.
-        neckline: height above the base of the neck.
-        thick: thickness of cloth and seams.
-        gathered: whether hem and cuffs are elastic ribs.
-        placket: relief of a strip of buttons or a zip in front; 0 for none.
-        tucked: share of people who tuck it into their trousers.
-        seen_mm: distance from the edges within which the inner side is visible.
-    """
+    """A row of garments.toml, where the words are explained; lengths in mm for a mean adult."""
 
     name: str
     women: float

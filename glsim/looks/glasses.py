@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final
+from collections.abc import Mapping
+from typing import Any, Final
 
 import numpy as np
 
-from glsim.core.array_types import Floats, Mask, Reals, Triangles
+from glsim.core.array_types import Array, Floats, Mask, Reals
 from glsim.core.seeds import keyed_rng
-from glsim.looks.anatomy import Anatomy
-from glsim.looks.styles import STYLE_TABLE
+from glsim.looks.anatomy import Anatomy, beside_line
+from glsim.looks.room.shapes import Shape, joined
 
 _SIDES: Final = 28  # corners of a rim
 #: Distance from the cornea to the back of a lens, mm: opticians fit 12 to 14 mm.
@@ -19,27 +19,13 @@ _VERTEX_MM: Final = 13.0
 _CLEARANCE_MM: Final = 1.5
 
 
-@dataclass(frozen=True)
-class GlassesStyle:
-    """A style of glasses, mm; ``power`` shapes the outline: 2 is round, 5 nearly square."""
-
-    name: str
-    width: float
-    height: float
-    rim: float
-    power: float
-
-
-GLASSES: Final = tuple(GlassesStyle(n, **row) for n, row in STYLE_TABLE["glasses"].items())
-
-
 def make_glasses(
-    anatomy: Anatomy, skin_mm: Floats, style: GlassesStyle, lens: str, seed: int
-) -> tuple[Floats, Triangles, Mask]:
-    """Fit glasses to a subject's reference head, (V, 3) mm.
+    anatomy: Anatomy, skin_mm: Floats, style: Mapping[str, Any], lens: str, seed: int
+) -> tuple[Shape, Mask]:
+    """Fit glasses of a ``style`` of styles.toml to a subject's reference head, (V, 3) mm.
 
     ``lens``: "clear" has no surface, "dark" fills the rims, "glint" puts a bright spot in each rim.
-    Returns vertices, (N, 3) mm; triangles, (F, 3); and the mask of the lenses' vertices, (N,).
+    Returns the mesh, and the mask of the lenses' vertices, (N,).
     """
     rng = keyed_rng(seed, 0x61A5)
     scale = anatomy.scale
@@ -48,12 +34,14 @@ def make_glasses(
     balls = skin_mm[anatomy.is_in("sclera", "iris", "pupil", "eyes")].astype(np.float64)
     middle = 0.5 * (balls.min(axis=0) + balls.max(axis=0))
     apart = float(np.abs(balls[:, 0] - middle[0]).mean())
-    half_width, half_height = np.array([style.width, style.height]) * 0.5 * min(scale, 1.05)
+    half_width, half_height = np.array([style["width"], style["height"]]) * 0.5 * min(scale, 1.05)
     # A lens has its centre at the pupil or farther out; the rims are at least 19 mm apart.
     centre_x = max(apart + 1.0, half_width + 9.5)
     turn = np.linspace(0, 2 * np.pi, _SIDES, endpoint=False)
     cosine, sine = np.cos(turn), np.sin(turn)
-    corner = (np.abs(cosine) ** style.power + np.abs(sine) ** style.power) ** (-1 / style.power)
+    corner = (np.abs(cosine) ** style["power"] + np.abs(sine) ** style["power"]) ** (
+        -1 / style["power"]
+    )
     x, y = centre_x + cosine * corner * half_width, sine * corner * half_height
     wrap, tilt = np.radians(rng.uniform(3, 8)), np.radians(rng.uniform(4, 10))
     front = balls[:, 2].max() + _VERTEX_MM
@@ -62,33 +50,28 @@ def make_glasses(
     origin = np.array([middle[0], middle[1] - 2.0, front])
     both = np.concatenate([outline, outline * (-1, 1, 1)]) + origin
     origin[2] += max(_overlap(both, skin) + _CLEARANCE_MM, -5.0)
-    frame: list[tuple[Reals, Reals]] = []
-    lenses: list[tuple[Reals, Reals]] = []
+    frame: list[Shape] = []
+    lenses: list[Shape] = []
     for side in (1.0, -1.0):
         ring = outline * (side, 1, 1) + origin
-        frame.append(_tube(ring, style.rim, 0.8 * style.rim, closed=True))
+        frame.append(tube(ring, style["rim"], 0.8 * style["rim"], closed=True))
         hinge = ring[np.argmax(side * ring[:, 0] + 0.3 * ring[:, 1])]
-        frame.append(_tube(_temple(anatomy, skin, hinge, side), style.rim + 0.5, 2.2, closed=False))
+        frame.append(
+            tube(_temple(anatomy, skin, hinge, side), style["rim"] + 0.5, 2.2, closed=False)
+        )
         if lens != "clear":
             lenses.append(_lens(ring, side, 1.0 if lens == "dark" else 0.2, rng))
-    frame.append(_tube(_bridge(outline, origin, skin), style.rim, style.rim, closed=False))
-    counts = [len(points) for points, _ in frame + lenses]
-    starts = np.cumsum([0, *counts[:-1]])
-    triangles = [mesh[1] + start for mesh, start in zip(frame + lenses, starts, strict=True)]
-    return (
-        np.concatenate([points for points, _ in frame + lenses]).astype(np.float32),
-        np.ascontiguousarray(np.concatenate(triangles), np.int32),
-        np.arange(sum(counts)) >= sum(counts[: len(frame)]),
-    )
+    frame.append(tube(_bridge(outline, origin, skin), style["rim"], style["rim"], closed=False))
+    mesh = joined(frame + lenses)
+    is_lens = np.arange(len(mesh.vertices_mm)) >= sum(len(part.vertices_mm) for part in frame)
+    return mesh, is_lens
 
 
 def _overlap(points: Reals, skin: Reals) -> float:
     """Compute the largest distance by which the skin lies in front of the points, mm."""
     skin = skin[skin[:, 2] > points[:, 2].min() - 40.0]
-    beside = skin[:, None, :2] - points[None, :, :2]
-    ahead = skin[:, None, 2] - points[None, :, 2]
-    near = (beside * beside).sum(axis=2) < 16.0  # within 4 mm in x and y
-    return float(ahead[near].max()) if near.any() else 0.0
+    ahead = beside_line(points, skin, np.array([0.0, 0.0, 1.0]), 4.0) - points[:, 2]
+    return float(ahead.max()) if np.isfinite(ahead).any() else 0.0
 
 
 def _bridge(outline: Reals, origin: Reals, skin: Reals) -> Reals:
@@ -110,17 +93,14 @@ def _temple(anatomy: Anatomy, skin: Reals, hinge: Reals, side: float) -> Reals:
     tip = top + np.array([[0, -5, -12], [-2 * side, -16, -20], [-4 * side, -30, -24]])
     line = np.concatenate([line, tip])
     skin = skin[side * (skin[:, 0] - anatomy.eye[0]) > 20]
-    for point in line[1:]:  # move each point out of the skin
-        near = np.hypot(skin[:, 1] - point[1], skin[:, 2] - point[2]) < 6.0
-        if near.any():
-            half = float((side * skin[near, 0]).max())
-            point[0] = side * (half + 2.5)
+    half = beside_line(line[1:], skin, np.array([side, 0.0, 0.0]), 6.0)
+    line[1:, 0] = np.where(np.isfinite(half), side * (half + 2.5), line[1:, 0])  # out of the skin
     line[1:, 0] = np.convolve(np.pad(line[1:, 0], 1, mode="edge"), [0.25, 0.5, 0.25], "valid")
     return line
 
 
-def _tube(line: Reals, wide: float, deep: float, *, closed: bool) -> tuple[Reals, Reals]:
-    """Make a four-sided tube along a line, ``wide`` by ``deep`` mm: vertices and triangles."""
+def tube(line: Reals, wide: float, deep: float, *, closed: bool) -> Shape:
+    """Make a four-sided tube along a line, ``wide`` by ``deep`` mm."""
     count = len(line)
     around = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
     along = around if closed else np.asarray(np.gradient(line, axis=0))
@@ -132,7 +112,7 @@ def _tube(line: Reals, wide: float, deep: float, *, closed: bool) -> tuple[Reals
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(along, first)
     corners = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    rings: Reals = np.stack(
+    rings: Array = np.stack(
         [line + 0.5 * (u * wide * first + v * deep * second) for u, v in corners], axis=1
     )
     index = np.arange(count * 4).reshape(count, 4)
@@ -144,10 +124,10 @@ def _tube(line: Reals, wide: float, deep: float, *, closed: bool) -> tuple[Reals
         faces += [np.stack([p, q, r], 1), np.stack([p, r, s], 1)]
     for quad in () if closed else (index[0, ::-1], index[-1]):
         faces += [quad[[0, 1, 2]][None], quad[[0, 2, 3]][None]]
-    return rings.reshape(-1, 3), np.concatenate(faces)
+    return Shape(rings.reshape(-1, 3), np.concatenate(faces))
 
 
-def _lens(ring: Reals, side: float, share: float, rng: np.random.Generator) -> tuple[Reals, Reals]:
+def _lens(ring: Reals, side: float, share: float, rng: np.random.Generator) -> Shape:
     """Make a disc in a rim: for ``share`` 1 the lens, else a bright spot at a random position."""
     middle = ring.mean(axis=0)
     if share < 1:
@@ -156,4 +136,4 @@ def _lens(ring: Reals, side: float, share: float, rng: np.random.Generator) -> t
     points = np.concatenate([middle[None] + (0, 0, 0.8 * share), rim])
     a = 1 + np.arange(len(ring))
     b, centre = np.roll(a, -1), np.zeros(len(ring), int)
-    return points, np.stack([centre, a, b] if side > 0 else [centre, b, a], 1)
+    return Shape(points, np.stack([centre, a, b] if side > 0 else [centre, b, a], 1))

@@ -7,7 +7,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from glsim.core.array_types import Floats, Reals, Whole
-from glsim.core.products import product
+from glsim.core.products import product, units
 from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.binding import Hair, Rooted
@@ -59,9 +59,8 @@ def make_scalp(anatomy: Anatomy) -> Scalp:
     anchors = Anchors(grid.base[grid.anchors.corners], grid.anchors.weights)
     points = anchors.place(anatomy.vertices_mm)
     out = points - anatomy.centre
-    directions = (out / np.linalg.norm(out, axis=1, keepdims=True)).astype(np.float32)
     inside = anatomy.above_hairline_mm(points).astype(np.float32)
-    return Scalp(anchors, directions, grid.faces, inside)
+    return Scalp(anchors, units(out).astype(np.float32), grid.faces, inside)
 
 
 def make_hair(anatomy: Anatomy, scalp: Scalp, skin_mm: Floats, style: HairStyle, seed: int) -> Hair:
@@ -104,8 +103,7 @@ def _cap(head: Head, scalp: Scalp) -> list[Sheet]:
     deep = [np.clip(share * thickness, -most, most) for share, most, _ in _SHEETS]
     out = head.directions[used].astype(np.float64)
     out[:, 1] = np.where(out[:, 1] < 0, 0.35 * out[:, 1], out[:, 1])  # it stands out less
-    out /= np.linalg.norm(out, axis=1, keepdims=True)
-    sheets = []
+    out, sheets = units(out), []
     stray = style.stray * np.clip(thickness / 10.0, 0, 1)  # stubble does not stray
     for here, below, (_, _, cover) in zip(deep, [*deep[1:], top], _SHEETS, strict=True):
         height = np.maximum(top - here, 0.3)

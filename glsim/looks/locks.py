@@ -7,11 +7,11 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from glsim.core.array_types import Floats, Reals, Triangles, Whole
-from glsim.core.products import norm, product
+from glsim.core.products import norm, product, units
 from glsim.looks.anatomy import Anatomy
 from glsim.looks.noise import smooth_noise
 from glsim.looks.skin_grid import grid_triangles
-from glsim.looks.styles import CROWN, HALO_MM, HairStyle
+from glsim.looks.styles import CROWN, HALO_MM, STYLE_TABLE, HairStyle
 
 #: Number of directions in which the radius of a head is measured, evenly spread (a golden spiral),
 #: and sharpness of the weights between them. Chosen: neighbours are 0.14 rad apart.
@@ -31,13 +31,6 @@ _LONG = 12.0
 #: Depth below the top of the hair at which 1 / e of the light is left, mm: lib/strands.glsl.
 LOST_MM = 11.0
 _DOWN: Final = np.array([0.0, -1.0, 0.0])
-#: Style -> points where hair is tied, relative to the eyes of a mean adult, mm. Chosen.
-_TIES: Final = {
-    "bun": ((0.0, 22.0, -198.0),),
-    "top bun": ((0.0, 112.0, -120.0),),
-    "pony tail": ((0.0, 45.0, -194.0),),
-    "twin tails": ((74.0, 40.0, -125.0), (-74.0, 40.0, -125.0)),
-}
 
 
 class Sheet(NamedTuple):
@@ -53,16 +46,20 @@ class Sheet(NamedTuple):
     light: Reals
 
 
+def spiral(count: int) -> Reals:
+    """Return unit vectors (count, 3) that are spread evenly over all directions."""
+    height, number = (np.arange(count) + 0.5) / count, np.arange(count)
+    turn, level = np.pi * (1 + 5**0.5) * number, np.sqrt(height * (1 - height))
+    return np.stack([2 * level * np.cos(turn), 1 - 2 * height, 2 * level * np.sin(turn)], axis=1)
+
+
 class Obstacle:
     """The surface of head and neck, as radii in directions from the centre of the skull."""
 
     def __init__(self, anatomy: Anatomy, skin_mm: Reals) -> None:
         """Measure the radii from the subject's resting vertices (V, 3), mm."""
         self.centre = anatomy.centre
-        height = (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
-        turn, level = np.pi * (1 + 5**0.5) * np.arange(_DIRECTIONS), np.sqrt(height * (1 - height))
-        spiral = 2 * level * np.cos(turn), 1 - 2 * height, 2 * level * np.sin(turn)
-        self._units = np.stack(spiral, axis=1).astype(np.float32)
+        self._units = spiral(_DIRECTIONS).astype(np.float32)
         # Use every sixth vertex: these are still about four per direction.
         out = skin_mm[anatomy.outside & ~anatomy.body][::6] - self.centre
         length = np.linalg.norm(out, axis=1)
@@ -91,7 +88,7 @@ class Obstacle:
     def along(self, points: Reals, way_mm: Reals) -> Reals:
         """Move points, (N, 3) mm, along the surface by (N, 3) mm; their heights stay."""
         first, second = points - self.centre, points + way_mm - self.centre
-        old, new = _units(first).astype(np.float32), _units(second).astype(np.float32)
+        old, new = units(first).astype(np.float32), units(second).astype(np.float32)
         change = np.clip(self.radius(new) - self.radius(old), -_PUSH_MM, _PUSH_MM)
         length = np.linalg.norm(first, axis=1) + change
         return np.asarray(self.centre + new * length[:, None])
@@ -125,17 +122,13 @@ def strands_of(style: HairStyle, places: Reals, cover: Reals, sink: Reals, seed:
     return np.column_stack([cells, cover, sink])
 
 
-def _units(vectors: Reals) -> Reals:
-    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
-
-
 def combed(head: Head, points: Reals) -> Reals:
     """Compute the directions of strands at points (N, 3): unit vectors along the skull."""
     comb = head.style.comb
     centre = head.anatomy.centre
-    out = _units(points - centre)
+    out = units(points - centre)
     if comb == "curls":
-        return _units(out - (0.0, 0.3, 0.0))
+        return units(out - (0.0, 0.3, 0.0))
     wanted = np.zeros_like(out)
     if comb == "crown":
         wanted[:] = out - CROWN
@@ -208,7 +201,7 @@ def _smoothed(sheet: Reals) -> Reals:
 def tied(head: Head) -> list[Sheet]:
     """Make the buns or tails of a style; each grows from one point of the scalp."""
     anatomy, scale, bundles = head.anatomy, head.anatomy.scale, []
-    for point in _TIES.get(head.style.extra, ()):
+    for point in STYLE_TABLE["ties"].get(head.style.extra, ()):
         tie = anatomy.eye + np.array(point) * scale
         root = int(np.argmin(np.linalg.norm(head.base - tie, axis=1)))
         out = head.base[root] - anatomy.centre
@@ -222,8 +215,8 @@ def tied(head: Head) -> list[Sheet]:
 def _ribbons(head: Head, lines: Reals, width: Reals, root: int) -> Sheet:
     """Make ribbons of strands along lines (rings, N, 3) mm, of (N,) mm width, from one root."""
     rings, count = lines.shape[:2]
-    along = _units(np.gradient(lines, axis=0))
-    across = _units(np.cross(along, _units((lines - head.anatomy.centre) * (1.0, 0.5, 1.0))))
+    along = units(np.gradient(lines, axis=0))
+    across = units(np.cross(along, units((lines - head.anatomy.centre) * (1.0, 0.5, 1.0))))
     side = np.array([-0.5, 0.0, 0.5])
     half = width[None, :, None] * side
     points = lines[:, :, None] + half[..., None] * across[:, :, None]
@@ -245,8 +238,8 @@ def _ribbons(head: Head, lines: Reals, width: Reals, root: int) -> Sheet:
 def _bun(tie: Reals, out: Reals, scale: float, rng: np.random.Generator) -> tuple[Reals, Reals]:
     """Compute centre lines (10, 26, 3) and widths (26,), mm, of locks wound around a ball."""
     radius = rng.uniform(24, 34) * scale
-    axis = _units(rng.normal(0, 1, (26, 3)) + 2.0 * out)
-    first = _units(np.cross(axis, rng.normal(0, 1, (26, 3))))
+    axis = units(rng.normal(0, 1, (26, 3)) + 2.0 * out)
+    first = units(np.cross(axis, rng.normal(0, 1, (26, 3))))
     second = np.cross(axis, first)
     turn = np.linspace(0, 1.6 * np.pi, 10)[:, None, None]
     high = rng.uniform(-0.9, 0.9, 26)[None, :, None]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any, Final, TypeVar
@@ -10,9 +10,8 @@ from typing import Any, Final, TypeVar
 import numpy as np
 
 from glsim.core.seeds import rng_for
-from glsim.looks.beard import BEARDS, BeardStyle
 from glsim.looks.garments import LOWER, SHOES, UPPER, Garment
-from glsim.looks.glasses import GLASSES, GlassesStyle
+from glsim.looks.headwear import UNDER_BAND_MM, UNDER_HAT_MM, pressed
 from glsim.looks.noise import Pattern
 from glsim.looks.styles import STYLE_TABLE, STYLES, HairStyle
 from glsim.settings.distribution import ScopeSeeds
@@ -23,31 +22,29 @@ _Choice = TypeVar("_Choice")
 #: Entries (name of a hair colour, share of people, range of reflectivity).
 HAIR_COLOURS: Final = STYLE_TABLE["hair_colours"]
 BEARD_FROM_YEARS: Final = 18.0  # age from which men have beards; chosen
-#: Ranges of the random factors of a hair style, in the order in which they are drawn. Chosen.
-_FACTORS: Final = {
-    "fringe": (0.85, 1.15), "relief": (0.8, 1.25), "wave": (0.7, 1.3), "recede": (0.7, 1.3),
-    "strand": (0.8, 1.3), "density": (0.8, 1.0), "stray": (0.3, 1.7),
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Outfit:
-    """All choices of a subject's appearance; None or 0 for things that are not worn.
+    """All choices of a subject's appearance; None, "" or 0 for things that are not worn.
 
-    Args:
-        garments, cloth_albedos: upper garment, lower garment, shoes; ``pattern``: of the upper one.
-        words, numbers: entries of the manifest, "appearance.name" -> value.
+    Garments and their albedos: upper, lower, shoes; ``pattern``: of the upper one; ``words``,
+    ``numbers``: entries of the manifest, "appearance.name" -> value.
     """
 
     hair: HairStyle | None = None
-    beard: BeardStyle | None = None
+    beard: str = ""
     beard_mm: float = 0.0
     brow_mm: float = 0.0
     hair_albedo: float = 0.0
-    glasses: GlassesStyle | None = None
+    glasses: str = ""
     lens: str = "clear"
     rim_albedo: float = 0.0
     lens_albedo: float = 0.0
+    hat: str = ""
+    hat_albedo: float = 0.0
+    headphones_albedo: float = 0.0
+    hand: str = ""
     garments: tuple[Garment, ...] = ()
     cloth_albedos: tuple[float, ...] = ()
     pattern: Pattern = "plain"
@@ -94,9 +91,9 @@ def sample_outfit(
         note("hair_length_mm", max(hair.hang, hair.lock[1], hair.top), 1)
     if bearded:
         draw = rng("beard")
-        choices["beard"] = beard = BEARDS[_choose([style.weight for style in BEARDS], draw)]
-        words["appearance.beard"] = beard.name
-        choices["beard_mm"] = note("beard_length_mm", float(draw.uniform(*beard.length)), 2)
+        choices["beard"] = words["appearance.beard"] = beard = _row("beard", draw)
+        span = STYLE_TABLE["beard"][beard]["length"]
+        choices["beard_mm"] = note("beard_length_mm", float(draw.uniform(*span)), 2)
     if worn("brows"):
         choices["brow_mm"] = note("brow_height_mm", float(rng("brows").uniform(0.8, 2.4)), 2)
     if choices.keys() & {"hair", "beard", "brow_mm"}:
@@ -104,9 +101,9 @@ def sample_outfit(
         choices["hair_albedo"] = note("hair_albedo", hair_albedo, 3)
     if worn("glasses"):
         draw = rng("glasses")
-        choices["glasses"] = glasses = GLASSES[int(draw.integers(len(GLASSES)))]
-        choices["lens"] = lens = _one_of(STYLE_TABLE["lenses"], draw)
-        words |= {"appearance.glasses": glasses.name, "appearance.lenses": lens}
+        glasses = [*STYLE_TABLE["glasses"]]
+        choices["glasses"] = words["appearance.glasses"] = glasses[draw.integers(len(glasses))]
+        choices["lens"] = words["appearance.lenses"] = lens = _one_of(STYLE_TABLE["lenses"], draw)
         choices["rim_albedo"] = note("rim_albedo", float(draw.uniform(*STYLE_TABLE["rims"])), 3)
         if lens != "clear":
             span = STYLE_TABLE["lens_albedo"][lens]
@@ -124,7 +121,32 @@ def sample_outfit(
         choices["pattern"] = pattern = _one_of(STYLE_TABLE["patterns"], draw)
         words |= {"appearance.lower": lower.name, "appearance.pattern": pattern}
         choices["tucked"] = bool(draw.random() < garment.tucked)
+    choices |= _carried(worn, rng, note, choices)
+    words |= {f"appearance.{name}": choices[name] for name in ("hat", "hand") if name in choices}
     return Outfit(**{"hair_albedo": hair_albedo, **choices}, words=words, numbers=numbers)
+
+
+def _carried(
+    worn: Callable[[str], bool], rng: Callable[[str], np.random.Generator],
+    note: Callable[[str, float, int], float], choices: Mapping[str, Any],
+) -> dict[str, Any]:  # fmt: skip
+    """Sample a hat or headphones, the hair below, and a hand: name of ``Outfit`` -> value."""
+    carried: dict[str, Any] = {"hand": _row("hands", rng("hand"))} if worn("hand") else {}
+    if "glasses" in choices and carried.get("hand") == "hand at brow":
+        carried["hand"] = "chin on fist"  # not through the lenses
+    if worn("hat"):
+        name, draw, under_mm = "hat", rng("hat"), UNDER_HAT_MM
+        carried["hat"] = _row("hats", draw)
+        span = _one_of(STYLE_TABLE["cloth"], draw)
+    elif worn("headphones"):
+        name, draw, under_mm = "headphones", rng("headphones"), UNDER_BAND_MM
+        span = STYLE_TABLE["headphones"]
+    else:
+        return carried
+    carried[f"{name}_albedo"] = note(f"{name}_albedo", float(draw.uniform(*span)), 3)
+    if "hair" in choices:
+        carried["hair"] = pressed(choices["hair"], under_mm)
+    return carried
 
 
 def _person(notes: Mapping[str, object]) -> tuple[float, bool | None]:
@@ -156,6 +178,12 @@ def _choose(weights: Sequence[float], rng: np.random.Generator) -> int:
     return int(np.searchsorted(np.cumsum(weights) / np.sum(weights), rng.random(), side="right"))
 
 
+def _row(table: str, rng: np.random.Generator) -> str:
+    """Draw the name of a row of a table of styles by its weight."""
+    rows: Mapping[str, Mapping[str, Any]] = STYLE_TABLE[table]
+    return [*rows][_choose([row["weight"] for row in rows.values()], rng)]
+
+
 def _one_of(table: Sequence[tuple[_Choice, float]], rng: np.random.Generator) -> _Choice:
     return table[_choose([share for _, share in table], rng)][0]
 
@@ -164,7 +192,7 @@ def _varied(style: HairStyle, rng: np.random.Generator) -> HairStyle:
     """Vary volume, lengths, relief and parting of a hair style at random."""
     volume, length = rng.uniform(0.85, 1.35), rng.uniform(0.8, 1.2)
     factors = {"top": volume, "side": volume, "back": volume, "hang": length}
-    factors |= {name: rng.uniform(*span) for name, span in _FACTORS.items()}
+    factors |= {name: rng.uniform(*span) for name, span in STYLE_TABLE["factors"].items()}
     scaled: dict[str, Any] = {name: getattr(style, name) * by for name, by in factors.items()}
     scaled["stray"] *= 0.5 + 1.5 * style.lift  # more where hair stands out; chosen
     scaled["parting"] = style.parting * (1.0 if rng.random() < 0.5 else -1.0) + rng.normal(0, 4)

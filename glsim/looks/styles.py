@@ -14,28 +14,7 @@ Comb = Literal["crown", "back", "parting", "curls"]
 
 @dataclass(frozen=True)
 class HairStyle:
-    """A hair style; lengths are in mm for a mean adult's head.
-
-    Args:
-        women, men: relative frequencies.
-        comb: direction of the strands: from the crown, backwards, from a parting, or curled.
-        top, side, back: thickness of the hair above the skull.
-        lock: shortest and longest length of lying strands.
-        lift: 0 for strands that lie flat, 1 for strands that stand out.
-        wave: amplitude of waves of hanging hair.
-        relief: height of the ridges between locks.
-        parting: distance of the parting from the middle; its sign gives the side.
-        fringe: length of hair over the forehead.
-        recede: width of the bare corners of the forehead.
-        bald: radius of a bald crown.
-        hang: length of hanging hair at the sides and the back; 0 for none.
-        flare: distance by which hanging hair stands off, mm per mm of length.
-        open_deg: angle from straight ahead at which hanging hair begins.
-        extra: kind of tied hair.
-        strand: width of what clings together and is seen as one strand.
-        density: share of the strands that are left; less than 1 for thinning hair.
-        stray: number of hairs that leave the others, relative to lib/strands.glsl.
-    """
+    """A row of [hair] in styles.toml, where the words are explained; lengths in mm."""
 
     name: str
     women: float

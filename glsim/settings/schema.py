@@ -185,6 +185,9 @@ class AppearanceSettings(TomlTable):
     # 64 % of adults have glasses (The Vision Council); 54 % of these wear them most of the time.
     glasses: float = Field(0.35, ge=0, le=1, description="share with glasses")
     cloth: float = Field(1.0, ge=0, le=1, description="share with cloth over neck and body")
+    hat: float = Field(0.0, ge=0, le=1, description="share with a cap, a beanie or a hat")
+    headphones: float = Field(0.0, ge=0, le=1, description="share of the others with headphones")
+    hand: float = Field(0.0, ge=0, le=1, description="share of heads without a body with a hand")
     gloss: bool = Field(False, description="mirror light of dressed subjects: skin, eyes, glasses")
 
 

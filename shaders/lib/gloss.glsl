@@ -10,7 +10,9 @@ vec2 lobe(float material) {
     if (material < 2.5) return vec2(0.021, 0.15); // tear film: n 1.337. Of an eye of 7.8 mm; as wide as the facets of the meshes (1 to 2 mm): chosen
     if (material < 3.5) return vec2(0.028, 0.20); // lip: skin, moist; m chosen at the smooth end of skin's
     if (material < 4.5) return vec2(0.040, 0.20); // frame: plastic, n 1.5; m chosen
-    return vec2(0.080, 0.05);                     // lens: two faces of n 1.5; m chosen: a lens of 100 mm radius shows a spot of some millimetres
+    if (material < 5.5) return vec2(0.080, 0.05); // lens: two faces of n 1.5; m chosen: a lens of 100 mm radius shows a spot of some millimetres
+    if (material < 6.5) return vec2(0.750, 0.15); // metal: nickel, n 2.34 - 5.11 i at 860 nm (Johnson and Christy, Phys. Rev. B 9, 5056, 1974); m as of the eye
+    return vec2(0.040, 0.25);                     // leather: its finish of polymers, n 1.5; m chosen between those of plastic and skin
 }
 
 // Albedo with the mirror light. material: 0 matte; position: on the drawn triangle, camera frame, m.

