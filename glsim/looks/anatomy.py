@@ -113,10 +113,7 @@ class Anatomy:
 
 
 def beside_line(points: Reals, skin: Reals, way: Reals, near_mm: float) -> Reals:
-    """Return the farthest place along a way, (N,) mm, of skin (M, 3) beside points (N, 3).
-
-    Skin counts that is at most ``near_mm`` from a point's line along ``way``; -inf without.
-    """
+    """Return (N,) how far along a way skin (M, 3) reaches near the points' lines, mm, or -inf."""
     flat, skin_flat = (p - product(p, way)[:, None] * way for p in (points, skin))
     near = ((flat[:, None] - skin_flat) ** 2).sum(axis=2) < near_mm**2
     return np.asarray(np.where(near, product(skin, way), -np.inf).max(axis=1))

@@ -34,7 +34,6 @@ _Grid = TypeVar("_Grid")
 
 #: Regions of worn meshes, in the order of the settings.
 WORN_REGIONS: Final = ("hair", "beard", "brow", "glasses", "cloth", "hat", "headphones", "hand")
-_SETTINGS: Final = {"brow": "brows"}  # region -> the setting of its share, if named otherwise
 #: Materials with mirror light, added to the albedo of their vertices: 4 times the number that
 #: shaders/lib/gloss.glsl has; and the share of light that passes a clear lens twice: 92 % each way.
 WORN_GLOSS: Final = {"skin": 4.0, "eye": 8.0, "lip": 12.0, "frame": 16.0, "lens": 20.0,
@@ -52,7 +51,7 @@ def worn_regions(settings: AppearanceSettings, sources: Sequence[FaceSource]) ->
     """Return the region names of hair, glasses and clothes; [] if no source is dressed."""
     if not any(Dresser(source, settings).is_on for source in sources):
         return []
-    return [name for name in WORN_REGIONS if getattr(settings, _SETTINGS.get(name, name)) > 0]
+    return [n for n in WORN_REGIONS if getattr(settings, "brows" if n == "brow" else n) > 0]
 
 
 @dataclass(eq=False)

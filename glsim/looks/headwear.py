@@ -9,18 +9,18 @@ from typing import Any, Final
 import numpy as np
 
 from glsim.core.array_types import Floats, Reals
-from glsim.core.products import product, units
+from glsim.core.products import units
 from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy, beside_line
 from glsim.looks.glasses import tube
-from glsim.looks.locks import spiral
+from glsim.looks.locks import hull_mm
 from glsim.looks.noise import smooth_noise, smooth_step
 from glsim.looks.room.shapes import Shape, joined
 from glsim.looks.skin_grid import grid_triangles
 from glsim.looks.styles import HairStyle
 
-#: Columns around a hat and rows of its crown; directions in which its hull is measured. Chosen.
-_COLUMNS, _ROWS, _WAYS = 72, 22, 1200
+#: Columns around a hat and rows of its crown. Chosen.
+_COLUMNS, _ROWS = 72, 22
 #: Thickness of pressed hair below a hat and below the band of headphones, mm. Chosen.
 UNDER_HAT_MM, UNDER_BAND_MM = 4.0, 12.0
 #: Thickness of a brim and of a cuff, distance and height of the ribs of knitted wool, mm. Chosen.
@@ -73,7 +73,7 @@ def make_hat(
     ahead = np.maximum(np.sign(lump_mm) * cosine, 0.0) * np.sin(np.pi * share**0.8)
     gap = style["top"] * smooth_step(share, 0.0, 0.8) + abs(lump_mm) * ahead
     gap += _CUFF_MM * smooth_step(cuff_mm - 150.0 * share, 0.0, 8.0)
-    crown = centre + (_hull_mm(points, ways) + hair_mm + 2.0 + scale * gap)[..., None] * ways
+    crown = centre + (hull_mm(points, ways) + hair_mm + 2.0 + scale * gap)[..., None] * ways
     out, bent = ways[0] * (1, 0, 1), 6.0 * smooth_noise(1.3 * ways[0], seed)
     if not all_round:  # a peak is narrower than the head, and bent down at its sides
         peak = np.clip((cosine - 0.25) / 0.75, 0, 1) ** 0.45
@@ -90,15 +90,6 @@ def make_hat(
         ribs[..., 7] = _RIB_HIGH_MM
     faces = grid_triangles(len(grid), _COLUMNS + 1)[:, ::-1]
     return Shape(grid.reshape(-1, 3), faces), ribs.reshape(-1, 8)
-
-
-def _hull_mm(points: Reals, ways: Reals) -> Reals:
-    """Return the distance (...) to the convex hull of points (N, 3) in directions (..., 3)."""
-    normals = spiral(_WAYS)
-    cosine = product(ways.reshape(-1, 3), normals.T)
-    support = product(normals, points.T).max(axis=1)
-    reach = np.where(cosine > 0.3, support / np.maximum(cosine, 0.3), np.inf).min(axis=1)
-    return np.asarray(reach.reshape(ways.shape[:-1]))
 
 
 def make_headphones(anatomy: Anatomy, hair_mm: float, seed: int) -> Shape:
@@ -124,6 +115,6 @@ def make_headphones(anatomy: Anatomy, hair_mm: float, seed: int) -> Shape:
     high = np.array([0.0, float(skin[:, 1].max()) - middle[1], 6.0])
     line = middle + np.cos(angle) * half + np.sin(angle) * high - anatomy.centre
     away, top = np.linalg.norm(line, axis=1), skin[:, 1] > anatomy.eye[1] + 20 * anatomy.scale
-    least = _hull_mm(skin[top] - anatomy.centre, units(line)) + hair_mm + 0.5 * _BAND_MM[0]
+    least = hull_mm(skin[top] - anatomy.centre, units(line)) + hair_mm + 0.5 * _BAND_MM[0]
     line = anatomy.centre + line * np.maximum(least / away, 1.0)[:, None]
     return joined([*parts, tube(line, *_BAND_MM, closed=False)])

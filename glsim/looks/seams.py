@@ -6,8 +6,10 @@ import numpy as np
 
 from glsim.core.array_types import Reals, Whole
 from glsim.core.mesh import vertex_normals
+from glsim.core.products import product, units
 from glsim.looks.cloth_body import UP, ClothBody
 from glsim.looks.garments import COLLARS, HEMS, Garment, Profile
+from glsim.looks.locks import hull_mm
 
 #: Length over which a garment's edges are smoothed, mm, and largest number of rounds. Chosen.
 _SEAM_MM, _SEAM_ROUNDS = 22.0, 60
@@ -48,12 +50,17 @@ def sewn(
 
     normal = _units(even(vertex_normals(surface, faces)[edge]))
     places = even(surface[edge])
+    # A neckline, but no waist or ankle, is taut: it spans hollows between bones and muscles.
+    on_top, beside = piece.opening[edge] < 3.0, places - piece.neck
+    high = product(beside, UP)
+    ring = on_top & (np.abs(high) < 150.0) & (garment.collar != "v")
+    out = (beside - high[:, None] * UP)[ring]
+    places[ring] += hull_mm(out, units(out))[:, None] * units(out) - out
     tangent = np.zeros((len(edge), 3))
     for end in (first, second):
         np.add.at(tangent, end, places[second] - places[first])
     away = _units(even(_units(np.cross(tangent, normal))))
     surface[edge] = places
-    on_top = piece.opening[edge] < 3.0
     top = _collar(garment, away, normal, places - piece.neck, scale)
     hem = _rows(HEMS["rib" if garment.gathered else "hem"], garment.thick, normal, away)
     inner = faces[(piece.rim[faces] < garment.seen_mm).all(axis=1), ::-1]

@@ -9,8 +9,8 @@ import pytest
 from glsim.core.errors import GlsimError
 from glsim.faces import open_source
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
+from glsim.faces.meshes import load
 from glsim.faces.meshes.load import read_mesh
-from glsim.faces.sources import folder as folder_source
 from glsim.faces.sources.folder import Folder
 from glsim.settings.schema import load_settings
 from glsim.simulation.frame import Frame, Skipped
@@ -38,7 +38,7 @@ def test_any_exception_of_a_reader_costs_one_frame(
             raise error
         return read_mesh(path)
 
-    monkeypatch.setattr(folder_source.load, "read_mesh", read)
+    monkeypatch.setattr(load, "read_mesh", read)
     source = Folder(tmp_path)
     faces = list(source.load(source.frames("a", None)))
     assert [isinstance(face, Face) for face in faces] == [
