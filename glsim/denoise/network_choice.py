@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from typing import Any, Final, NamedTuple
 
@@ -11,11 +12,12 @@ from numpy.typing import NDArray
 
 from glsim.core.array_types import Depth
 from glsim.core.depth_map import FLYING_MM
+from glsim.core.units import MM_PER_M
 from glsim.data.recording import Recording
 from glsim.denoise.registry import SHIPPED, load_denoiser
 from glsim.measures.lattice import distinct_values, estimate_lattice
 from glsim.networks.safeguards import clean_noise_mm, estimate_noise_mm
-from glsim.sensors.sensor import sensor_names
+from glsim.sensors.sensor import load_sensor, sensor_names
 
 #: The network for noise that is alike over many pixels, as that of active stereo.
 WIDE: Final = "face-stereo"
@@ -45,8 +47,8 @@ _SIZES: Final = {
     (512, 512): "azure-kinect-wfov",
     (1024, 1024): "azure-kinect-wfov-unbinned",
 }
-#: Size of images -> RealSense sensor; for other sizes, the D435.
-_STEREO_SIZES: Final = {(640, 480): "realsense-d435-vga"}
+#: RealSense sensors; they deliver depth in 32 steps of disparity per pixel.
+_REALSENSES: Final = ("realsense-d435", "realsense-d455", "realsense-d415", "realsense-d405")
 #: Largest depth in which a lattice is searched, in steps of the files: it takes half a second.
 _SEARCHED_STEPS: Final = 12_000
 
@@ -62,12 +64,13 @@ def choose_network(recording: Recording) -> tuple[str, str]:
     wide, narrow = (_taken_away(name, middles) for name in (WIDE, SHIPPED))
     if wide is None or narrow is None:
         return SHIPPED, "the maps show too little of a surface to measure their noise"
-    ratio = wide.size_mm / narrow.size_mm if narrow.size_mm else 0.0
+    (wide_mm, correlation), (narrow_mm, _) = wide, narrow
+    ratio = wide_mm / narrow_mm if narrow_mm else 0.0
     noise = (
         f"like {sensor}, because {because}; {WIDE} takes away {ratio:.1f} times as much as "
-        f"{SHIPPED}, of a correlation of {wide.correlation:.2f} over {_LAG_PX} px"
+        f"{SHIPPED}, of a correlation of {correlation:.2f} over {_LAG_PX} px"
     )
-    if wide.correlation >= _LEAST_CORRELATION and ratio >= _LEAST_RATIO:
+    if correlation >= _LEAST_CORRELATION and ratio >= _LEAST_RATIO:
         return WIDE, noise
     return SHIPPED, f"{noise}: form, not noise"
 
@@ -85,15 +88,11 @@ def _for_width(maps_mm: Sequence[Depth]) -> tuple[str, str]:
     return SHARED if shared else SHIPPED, f"its noise is {noise}"
 
 
-class _TakenAway(NamedTuple):
-    """Median size of what a denoiser takes away, mm, and its correlation over _LAG_PX."""
+def _taken_away(name: str, maps_mm: Iterable[Depth]) -> tuple[float, float] | None:
+    """Measure what a network takes away from surfaces; None with too few windows.
 
-    size_mm: float
-    correlation: float
-
-
-def _taken_away(name: str, maps_mm: Iterable[Depth]) -> _TakenAway | None:
-    """Measure what a network takes away from the surfaces of maps; None with too few windows."""
+    Returns its median size, mm, and its correlation over _LAG_PX.
+    """
     denoiser = load_denoiser(name)
     sizes_mm, product, square = [np.zeros(0, np.float32)], 0.0, 0.0
     for noisy_mm in maps_mm:
@@ -101,8 +100,7 @@ def _taken_away(name: str, maps_mm: Iterable[Depth]) -> _TakenAway | None:
         known = (noisy_mm > 0) & (np.abs(change_mm) < FLYING_MM)
         change_mm = np.where(known, change_mm, 0)
         whole = cv2.erode(known.astype(np.uint8), np.ones((_WINDOW_PX, _WINDOW_PX)), borderValue=0)
-        mean_square = cv2.blur(change_mm**2, (_WINDOW_PX, _WINDOW_PX))
-        sizes_mm.append(np.sqrt(mean_square[whole > 0]))
+        sizes_mm.append(np.sqrt(cv2.blur(change_mm**2, (_WINDOW_PX, _WINDOW_PX))[whole > 0]))
         beside = change_mm[:, _LAG_PX:] * change_mm[:, :-_LAG_PX]
         both = known[:, _LAG_PX:] & known[:, :-_LAG_PX]
         product += float(beside[both].sum() / max(both.sum(), 1))
@@ -110,7 +108,7 @@ def _taken_away(name: str, maps_mm: Iterable[Depth]) -> _TakenAway | None:
     sizes = np.concatenate(sizes_mm)
     if sizes.size < _LEAST_WINDOWS:
         return None
-    return _TakenAway(float(np.median(sizes)), product / square if square else 0.0)
+    return float(np.median(sizes)), product / square if square else 0.0
 
 
 def _middle(depth_mm: NDArray[Any]) -> Depth:
@@ -128,10 +126,7 @@ class Camera(NamedTuple):
 
 
 def camera_of(recording: Recording) -> Camera:
-    """Recognise a camera: by its stated sensor or name, the size of its images, or their values.
-
-    The depths of an active stereo camera lie on a lattice of disparities.
-    """
+    """Recognise a camera: by its stated sensor or name, the size of its images, or their values."""
     votes, stated = recording.votes, recording.stated
     named = stated.name.lower().replace(" ", "-")
     known = sorted((name for name in sensor_names() if name in named), key=len)
@@ -139,13 +134,19 @@ def camera_of(recording: Recording) -> Camera:
         return Camera(sensor, f"{recording.stated_by} states it")
     if not votes.maps_mm:
         return Camera("", "no map can be read")
-    height, width = votes.maps_mm[0].shape
-    if (sized := _SIZES.get((width, height))) is not None:
+    size = width, height = votes.maps_mm[0].shape[::-1]
+    if (sized := _SIZES.get(size)) is not None:
         return Camera(sized, f"its images have {width} x {height} pixels")
     if votes.step_mm > 0:
         values = distinct_values(votes.maps_mm, votes.step_mm)
         lattice = estimate_lattice(values[values <= _SEARCHED_STEPS])
         if lattice is not None and lattice.accepted:
-            sensor = _STEREO_SIZES.get((width, height), "realsense-d435")
-            return Camera(sensor, "its depths lie on a lattice of disparities")
+            px_m = lattice.constant * votes.step_mm / 32 / MM_PER_M
+            _, sensor = min(
+                (abs(math.log(px_m / (f * s.rig.baseline_m))) + ((w, h) != size), s.name)
+                for s in map(load_sensor, _REALSENSES)
+                for w, h, f in s.modes
+            )
+            product = f"f B = {MM_PER_M * px_m:,.0f} px mm"
+            return Camera(sensor, f"its depths lie on a lattice of disparities of {product}")
     return Camera("", "neither a file nor the maps say what made them")
