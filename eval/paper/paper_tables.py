@@ -146,27 +146,15 @@ def _network_rows(which: int, groups: Sequence[SeedGroup], table: ResultTable) -
         own = [group for group in groups if group.row == name]
         same = own or [group for group in groups if group.row == COPIES.get(name or "", "")]
         trained = [
-            _Row(name or "-", _description(group, composite), printed, seeds)
+            _Row(name or "-", f"{group.title}{of}, {group.training}", printed, seeds)
             for group in same
-            for composite in ("", *COMPOSITES)
-            if (seeds := _entries(group, composite, table))
+            for of in ("", *(f" [{composite}]" for composite in COMPOSITES))
+            if (seeds := [table[r.label + of] for r in group.members if r.label + of in table])
         ]
         if name is not None and not trained:
             trained = [_Row(name, "**missing**", printed, [])]
         rows += trained
     return rows
-
-
-def _entries(
-    group: SeedGroup, composite: str, table: ResultTable
-) -> list[Mapping[str, MetricMean]]:
-    labels = [f"{run.label} [{composite}]" if composite else run.label for run in group.members]
-    return [table[label] for label in labels if label in table]
-
-
-def _description(group: SeedGroup, composite: str) -> str:
-    name = f"{group.title} [{composite}]" if composite else group.title
-    return f"{name}, {group.training}"
 
 
 def _printed_and_ours(rows: Sequence[_Row], noisy_mm2: float) -> TextTable:

@@ -84,17 +84,13 @@ class ReproductionPlan(TomlTable):
         ``mask``: key of MASKS; ``roots``: kind of source -> folder of each present face set.
         """
         if not roots:
-            return self._settings(mask, self.subjects, self.frames_per_subject)
+            return self.settings_of(mask, self.subjects, self.frames_per_subject)
         if self.images is None:
             raise ConfigError(f"{self.title}: a plan with face sets needs images = N")
-        return self._settings(mask, 0, 0, source=paper_mixture(roots, self.images))
+        return self.settings_of(mask, 0, 0, source=paper_mixture(roots, self.images))
 
-    def filter_settings(self, sets: FilterSets, mask: str, seed: int) -> Settings:
-        """Return the settings of the data set that only table 1 scores."""
-        more = {"seed": seed, "split": [0, 0, 1]}
-        return self._settings(mask, sets.subjects, sets.frames_per_subject, **more)
-
-    def _settings(self, mask: str, subjects: int, frames: int, **more: Any) -> Settings:
+    def settings_of(self, mask: str, subjects: int, frames: int, **more: Any) -> Settings:
+        """Return the settings of a data set of embedded heads, or of ``source`` in ``more``."""
         heads = {"kind": "procedural", "subjects": subjects, "frames_per_subject": frames}
         tree: dict[str, Any] = copy.deepcopy(self.settings)
         merge_tables(tree, {"output": {"clean_mask": mask}} | more)
@@ -158,7 +154,9 @@ def reproduce(
     if plan.filters is not None:
         for mask, seed in product(plan.masks, plan.filters.seeds):
             folder = out / FILTERS_FOLDER / mask / str(seed)
-            runner.generate(plan.filter_settings(plan.filters, mask, seed), folder / "data")
+            counts = plan.filters.subjects, plan.filters.frames_per_subject
+            heads = plan.settings_of(mask, *counts, seed=seed, split=[0, 0, 1])
+            runner.generate(heads, folder / "data")
             for protocol in plan.protocols:
                 _score(plan, runner, folder / "data", folder / protocol, protocol, (1,))
     for (protocol, mask), recipes in trainings.items():

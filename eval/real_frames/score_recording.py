@@ -133,5 +133,5 @@ def run_frames(
     for frame in run_tasks(job, numbers, processes):
         frames.append(frame)
         if progress is not None:
-            progress(ScoringProgress(len(frames), len(numbers), 0, 0))
+            progress(ScoringProgress(len(frames), len(numbers), 0))
     return sorted(frames, key=lambda frame: frame.number)

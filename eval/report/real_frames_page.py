@@ -24,6 +24,9 @@ def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Doc
     """Return the tables of all measures, with a description of the recording."""
     distances = [f"{near:g}-{far:g} m" for near, far in pairwise(BINS_M)]
     units = f"{scores.scenes} static scenes" if scores.by_scene else "tiles of 64 x 64 px"
+    first, second = scores.own_ring_losses
+    own = _TEXTS["own_losses"].format(first=100 * first, second=100 * second)
+    own = "" if math.isnan(first) else own
     page = Document(f"{scores.title}: {scores.kind}")
     page.parts += [
         _TEXTS["head"].format(
@@ -56,7 +59,7 @@ def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Doc
         _TEXTS["shifts"],
         _table(scores, [*distances, "largest"], lambda m: (*m.shift_mm, m.largest_shift_mm)),
         Heading("Edges"),
-        _own_losses(scores),
+        _TEXTS["edges"] + own,
         _table(
             scores,
             [heading for heading, _ in _EDGE_HEADS.values()],
@@ -66,13 +69,6 @@ def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Doc
     if remarks:
         page.parts += [Heading("Remarks"), list(remarks)]
     return page
-
-
-def _own_losses(scores: RealScores) -> str:
-    first, second = scores.own_ring_losses
-    own = "" if math.isnan(first) else _TEXTS["own_losses"]
-    text: str = _TEXTS["edges"] + own.format(first=100 * first, second=100 * second)
-    return text
 
 
 def _table(

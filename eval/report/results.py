@@ -86,7 +86,7 @@ def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
     example = example_frame(job)
     if example is not None:
         frame, maps, title = example
-        names = in_order(summary, [name for name in maps if name in summary.methods])
+        names = in_order(summary, [name for name in maps if name in summary.methods], job.tuned)
         sheets = max(1, -(-len(names) // _COLUMNS))
         for sheet in range(sheets):
             # Methods are spread evenly, so that no figure has a single column.
@@ -98,9 +98,7 @@ def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
             figure = method_panels(frame, titled, PANEL_ROWS, title)
             caption = "One frame in the same scale; errors: red is too far, blue too near."
             if sheet == 0:
-                caption += (
-                    " Truth, input, the best method inside surfaces, the best filter, others."
-                )
+                caption += " Truth, input, the best inside, the best filter, others; tuned last."
             pictures.append(CaptionedPng(f"gallery_{sheet + 1}", caption, to_png(figure)))
     return pictures
 

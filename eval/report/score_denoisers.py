@@ -42,7 +42,8 @@ def score_denoisers(
         DenoiserError: a checkpoint of ``trained`` was skipped; the other results are written.
     """
     runs = [] if trained is None else trained.runs
-    specs = ["noisy", *(job.denoisers or PAPER_FILTERS), *(run.spec for run in runs)]
+    given = (*job.denoisers, *job.tuned) or PAPER_FILTERS
+    specs = ["noisy", *given, *(run.spec for run in runs)]
     job = replace(job, denoisers=tuple(dict.fromkeys(specs)))
     evaluation = evaluate(job, out, workers=workers, progress=progress)
     table = evaluation.summary.table()
@@ -53,8 +54,9 @@ def score_denoisers(
     written = write_results(evaluation, table, job, out, more, drawn=drawn if figures else None)
     if evaluation.bad:
         raise DatasetError(
-            f"{evaluation.bad} of {evaluation.frames} frames could not be scored, see "
-            f"{out / 'bad.csv'}, the first: {evaluation.first_bad[0]}; tables contain the others"
+            f"{evaluation.bad} of {evaluation.frames} frames could not be scored by some methods, "
+            f"or all, see {out / 'bad.csv'}, the first: {evaluation.first_bad[0]}; tables have "
+            "the others"
         )
     if trained is not None and trained.refused:
         raise DenoiserError(

@@ -61,14 +61,15 @@ def best_methods(table: ResultTable, metric: Metric) -> set[str]:
     return {name for name, value in known.items() if format_number(value, metric.unit) == top}
 
 
-def in_order(summary: ScoreSummary, methods: Sequence[str]) -> list[str]:
-    """Sort methods for figures: the input, the best inside, the best filter, the others."""
+def in_order(summary: ScoreSummary, methods: Sequence[str], tuned: Sequence[str] = ()) -> list[str]:
+    """Sort methods: the input, the best inside, the best filter, others; last ``tuned`` ones."""
     means = {name: summary.mean(name, _INSIDE) for name in methods if name != _INPUT}
     ranked = sorted((n for n in means if not math.isnan(means[n])), key=means.__getitem__)
     filters = {*denoiser_names()} - {*NETWORKS}
     best_filter = [name for name in ranked if _denoiser(name) in filters][:1]
     first = [name for name in (_INPUT, *ranked[:1], *best_filter) if name in methods]
-    return list(dict.fromkeys([*first, *methods]))
+    order = dict.fromkeys([*first, *methods])
+    return sorted(order, key=lambda name: name in tuned and name not in ranked[:1])
 
 
 def _denoiser(label: str) -> str:
@@ -142,15 +143,11 @@ def table_markdown(evaluation: Evaluation, table: ResultTable, heading: str) -> 
 
 def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]:
     """Return the tables of scores, face parts, bias and baselines; empty tables are left out."""
-    scores = Document(
-        "Scores",
-        [
-            TEXTS["scores"]["head"].format(
-                frames=evaluation.frames, people=len(evaluation.summary.subjects)
-            )
-        ],
-    )
-    enough = len(evaluation.summary.subjects) >= FEW_SUBJECTS
+    people = len(evaluation.summary.subjects)
+    enough = people >= FEW_SUBJECTS
+    words = {"frames": evaluation.frames, "people": people, "intervals": ""}
+    words |= {"intervals": TEXTS["scores"]["intervals"]} if enough else {}
+    scores = Document("Scores", [TEXTS["scores"]["head"].format(**words)])
     for title, names in TABLE_SECTIONS.items():
         metrics = [METRICS[name] for name in names]
         heads = [f"{m.heading} {m.arrow}".strip() for m in metrics]
@@ -267,13 +264,16 @@ def _remarks(evaluation: Evaluation, table: ResultTable) -> list[str]:
     subjects = len(evaluation.summary.subjects)
     if subjects < FEW_SUBJECTS:
         lines.append(TEXTS["scores"]["few"].format(people=subjects, enough=FEW_SUBJECTS))
-    undefined: dict[str, list[str]] = {}
-    for method, entries in table.items():
-        for name in (name for names in TABLE_SECTIONS.values() for name in names):
-            if missing := entries[name].undefined:
-                remark = f"{name} is undefined in {missing} frames, which its mean leaves out"
-                undefined.setdefault(remark, []).append(f"`{method}`")
-    lines += [f"{remark}: {', '.join(methods)}." for remark, methods in undefined.items()]
+    undefined: dict[tuple[int, str], list[str]] = {}
+    for name in (name for names in TABLE_SECTIONS.values() for name in names):
+        for missing in sorted({entries[name].undefined for entries in table.values()} - {0}):
+            of = [f"`{m}`" for m, entries in table.items() if entries[name].undefined == missing]
+            methods = "all methods" if len(of) == len(table) else ", ".join(of)
+            undefined.setdefault((missing, methods), []).append(name)
+    lines += [
+        f"Undefined in {missing} frame(s), which means leave out: {', '.join(names)}: {methods}."
+        for (missing, methods), names in undefined.items()
+    ]
     if evaluation.bad:
         lines.append(f"{evaluation.bad} frames could not be scored (bad.csv), the first of them:")
         lines += list(evaluation.first_bad)

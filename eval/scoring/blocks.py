@@ -60,7 +60,7 @@ class ScoringJob:
 
     ``baseline_every``: score trivial baselines on every n-th frame, 0: never. ``stride``: score
     every n-th frame. ``device``: sensor file; its fixed pattern and wiggling are subtracted from
-    all inputs. ``protocol``: default, the files'.
+    all inputs. ``protocol``: default, the files'. ``tuned``: filters that no user named.
     """
 
     dataset: Path
@@ -73,6 +73,7 @@ class ScoringJob:
     truth: TruthLayer = "clean"
     device: Path | None = None
     protocol: DepthProtocol | None = None
+    tuned: tuple[str, ...] = ()
 
     def frames(self) -> Frames:
         """Open the frames to score. Raises DatasetError."""

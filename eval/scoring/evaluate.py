@@ -40,17 +40,16 @@ _VERSION: Final = 4
 
 @dataclass(frozen=True)
 class ScoringProgress:
-    """Progress of scoring: numbers of finished, total, reused and bad frames."""
+    """Progress of scoring: numbers of finished, of all and of bad frames."""
 
     done: int
     total: int
-    reused: int
     bad: int
 
 
 @dataclass(frozen=True, eq=False)
 class Evaluation:
-    """Scores of all methods; ``bad``: number of frames, and of a frame's methods, that failed."""
+    """Scores of all methods; ``bad``: number of frames in which a method failed, or all."""
 
     summary: ScoreSummary
     baselines: ScoreSummary
@@ -78,7 +77,7 @@ def evaluate(
     methods = load_methods(job.denoisers)  # raises errors before scoring starts
     frames = job.frames()
     if len(frames) == 0:
-        advice = "take another --split, or generate more people"
+        advice = "take another --split, or glsim generate --set split=0.7,0.1,0.2"
         raise ConfigError(f"{job.dataset}: has no frames in {job.split}: {advice}")
     for method in methods:
         method.check_protocol(frames.protocol)
@@ -90,9 +89,9 @@ def evaluate(
     identity += [list(metrics), [method.version for method in methods]]
     digest = hashlib.blake2b(json.dumps(identity).encode(), digest_size=8).hexdigest()
     folder = out / ".blocks" / digest
+    check_owner(out, f"{job.split} of {job.dataset.absolute()}")
     with wrap_write_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        _check_owner(out, f"{job.split} of {job.dataset.absolute()}")
+        folder.mkdir(exist_ok=True)
     blocks = [
         FrameBlock(number, first, min(_BLOCK, len(frames) - first))
         for number, first in enumerate(range(0, len(frames), _BLOCK))
@@ -102,15 +101,17 @@ def evaluate(
     return replace(evaluation, protocol=frames.protocol)
 
 
-def _check_owner(out: Path, scored: str) -> None:
+def check_owner(out: Path, scored: str) -> None:
     """Note what is scored in a folder. Raises ConfigError if it has the scores of other frames."""
     if (out / HEADER).is_file():
         raise ConfigError(f"{out}: is a data set: name another folder by -o")
     note = out / ".blocks" / "scored"
-    owner = note.read_text("utf-8") if note.is_file() else scored
-    if owner != scored:
-        raise ConfigError(f"{out}: holds the scores of {owner}: name another folder by -o")
-    note.write_text(scored, "utf-8")
+    with wrap_write_errors(note):
+        note.parent.mkdir(parents=True, exist_ok=True)
+        owner = note.read_text("utf-8") if note.is_file() else scored
+        if owner != scored:
+            raise ConfigError(f"{out}: holds the scores of {owner}: name another folder by -o")
+        note.write_text(scored, "utf-8")
 
 
 def load_methods(specs: Sequence[str], *taken: str) -> list[Denoiser]:
@@ -134,18 +135,18 @@ def _score_missing(
     stored = ((block, _read(folder, block.number)) for block in blocks)
     # Bad frames may have been repaired since.
     missing = [block for block, scored in stored if scored is None or scored.bad]
-    reused = done = total - sum(block.frames for block in missing)
+    done = total - sum(block.frames for block in missing)
     bad = 0
     show = progress or (lambda _: None)
-    show(ScoringProgress(done, total, reused, bad))
+    show(ScoringProgress(done, total, bad))
     if not missing:
         return
     for scored in run_tasks(job, missing, min(workers, len(missing))):
         path = _path(folder, scored.number)
         data = to_json(asdict(scored), str(path)).encode()
         write_atomic(data, path, sync=False)  # an empty block is scored again
-        done, bad = done + scored.frames, bad + len(scored.bad)
-        show(ScoringProgress(done, total, reused, bad))
+        done, bad = done + scored.frames, bad + len({item["frame"] for item in scored.bad})
+        show(ScoringProgress(done, total, bad))
 
 
 def _path(folder: Path, number: int) -> Path:
@@ -189,7 +190,7 @@ def _collect(
     first = tuple(f"{frame}: {why}" for frame, why in bad[:10])
     if not summary.methods:
         raise DatasetError(f"no frame could be scored, {len(bad)} are bad; the first: {first[0]}")
-    return Evaluation(summary, baselines, total, len(bad), first)
+    return Evaluation(summary, baselines, total, len({frame for frame, _ in bad}), first)
 
 
 def write_csv(path: Path, fields: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

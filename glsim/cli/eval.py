@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from importlib.util import find_spec
@@ -53,15 +55,11 @@ FocalOption = Annotated[
 ]
 
 
-#: Package -> its name in a sentence. report.html comes from a template of Jinja2.
-_NEEDED = {"matplotlib": "Matplotlib", "jinja2": "Jinja2"}
-
-
 def figures_wanted(asked: bool) -> bool:
     """Return whether to draw figures; print a message if a needed library is missing."""
     if not asked:
         return False
-    missing = [name for package, name in _NEEDED.items() if find_spec(package) is None]
+    missing = [name for name in ("Matplotlib", "Jinja2") if find_spec(name.lower()) is None]
     if missing:
         print_message(
             f"no figures and no report.html, tables alone: they need {' and '.join(missing)}: "
@@ -132,6 +130,24 @@ def evaluate(
     score_and_write(score, job, out, figures, workers, tuned)
 
 
+@contextmanager
+def named_losses(table: Path) -> Iterator[None]:
+    """Check that a table can be written; after the block, name the methods that it lost."""
+
+    def methods() -> list[str]:
+        text = table.read_text("utf-8") if table.is_file() else ""
+        return list(dict.fromkeys(re.findall(r"^\| `(.+?)` \|", text, re.MULTILINE)))
+
+    check_outputs(table)
+    before = methods()
+    try:
+        yield
+    finally:
+        after = methods()
+        if lost := [name for name in before if name not in after]:
+            print_message(f"{table}: is replaced, without {', '.join(lost)}: -o NEW keeps both")
+
+
 def score_and_write(
     score: Callable[..., tuple[list[Path], list[str]]],
     job: ScoringJob,
@@ -147,12 +163,12 @@ def score_and_write(
     from glsim.data.worker_processes import worker_count
 
     count = worker_count(workers)
-    check_outputs(out / "table.md")
     figures = figures_wanted(figures)
-    if tune is not None:
-        job = tune(job, out, count)
-    with scoring_progress("scoring") as progress:
-        written, harms = score(job, out, figures=figures, workers=count, progress=progress)
+    with named_losses(out / "table.md"):
+        if tune is not None:
+            job = tune(job, out, count)
+        with scoring_progress("scoring") as progress:
+            written, harms = score(job, out, figures=figures, workers=count, progress=progress)
     print_written(written)
     for line in filter(None, (job.frames().note, *harms)):
         print_message(line)
@@ -165,13 +181,14 @@ def _add_tuned_filters(job: ScoringJob, out: Path, count: int) -> ScoringJob:
     if job.split == "val":
         raise ConfigError("--tune-filters: settings tuned on val must be scored on another split")
     held_out = replace(job, split="val")
-    if held_out.frames().identity == job.frames().identity:
+    frames = held_out.frames()
+    if not len(frames) or frames.identity == job.frames().identity:
         raise ConfigError(
-            f"--tune-filters: {job.dataset} has no splits: there is no validation split"
+            f"--tune-filters: {job.dataset} has no frames in val, where settings are tuned: use a "
+            "data set of glsim generate --set split=0.7,0.1,0.2"
         )
     with scoring_progress("tuning") as progress:
         tuned = tune_filters(held_out, list(GRIDS), out, workers=count, progress=progress)
     for item in tuned:
         print_message(f"tuned {item.plain} and {item.cleaned.split(',')[-1]}")
-    specs = [spec for item in tuned for spec in (item.plain, item.cleaned)]
-    return replace(job, denoisers=(*job.denoisers, *specs))
+    return replace(job, tuned=tuple(s for item in tuned for s in (item.plain, item.cleaned)))

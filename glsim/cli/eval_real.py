@@ -10,21 +10,24 @@ import typer
 from glsim.cli.common import (
     JsonOption,
     WorkersOption,
-    check_outputs,
     print_json,
     print_message,
     print_table,
     print_written,
 )
-from glsim.cli.eval import DenoisersOption, FiguresOption, FocalOption, OutOption, figures_wanted
+from glsim.cli.eval import (
+    DenoisersOption,
+    FiguresOption,
+    FocalOption,
+    OutOption,
+    figures_wanted,
+    named_losses,
+)
 from glsim.cli.progress import scoring_progress
 from glsim.core.errors import ConfigError
 
 if TYPE_CHECKING:
     from glsim.eval.real_frames.totals import RealScores
-
-#: Denoisers that are scored without --denoiser: the shipped network.
-_DEFAULT = ("face",)
 
 
 def evaluate_real(
@@ -52,10 +55,11 @@ def evaluate_real(
     from glsim.eval.real_frames.halves import Source, split_recording
     from glsim.eval.real_frames.score_recording import score_recording, tune_on_pairs
     from glsim.eval.report.real_frames_page import write_real_frames
+    from glsim.eval.scoring.evaluate import check_owner
 
     opened = split_recording(Source(recording, focal_px, pattern=_pattern(board)))
-    check_outputs(out / "table.md")
-    specs = list(denoiser or _DEFAULT)
+    check_owner(out, str(recording.absolute()))
+    specs = list(denoiser or ["face"])
     figures = figures_wanted(figures)
     count = worker_count(workers)
     remarks: list[str] = []
@@ -93,7 +97,8 @@ def evaluate_real(
         print_json(scores.as_json())
     else:
         _print_summary(scores)
-    print_written(write_real_frames(scores, out, pictures, remarks))
+    with named_losses(out / "table.md"):
+        print_written(write_real_frames(scores, out, pictures, remarks))
 
 
 def _pattern(text: str) -> tuple[int, int]:

@@ -31,11 +31,6 @@ app = typer.Typer(
 )
 
 
-@app.callback()
-def _import_group() -> None:
-    """Convert real depth maps to a data set."""
-
-
 @app.command(
     "biwi",
     cls=PlainCommand,

@@ -14,7 +14,6 @@ import pytest
 
 from glsim.cli import main
 from glsim.cli.common import options, run_command_line
-from glsim.cli.progress import rate_text
 from glsim.core.files.png import encode_png
 from tests.support.imports import ROOT
 
@@ -112,13 +111,6 @@ def test_paths_are_no_markup(here: Path, name: str, capsys: pytest.CaptureFixtur
     assert main(["denoise", "map.png", "-o", f"{name}/map.png", "-d", "median"]) == 0
     assert f"{name}/map.png" in capsys.readouterr().err
     assert (here / name / "map.png").is_file()
-
-
-@pytest.mark.parametrize(
-    ("rate", "text"), [(0.28, "0.28/s"), (0.0, "0/s"), (3.14159, "3.1/s"), (123.4, "123/s")]
-)
-def test_slow_rates_are_not_0(rate: float, text: str) -> None:
-    assert rate_text(rate) == text
 
 
 @pytest.mark.long

@@ -95,3 +95,8 @@ def test_scores_of_real_frames(here: Path, capsys: pytest.CaptureFixture[str]) -
     write_static_pair(here / "recording", scene(), 1.6)
     found = printed(capsys, "eval-real", "recording", "-d", "median", "--no-figures", "-q")
     assert found == json.loads((here / "scores" / "scores.json").read_text())
+    assert main(["eval-real", "recording", "-d", "guided", "--no-figures"]) == 0
+    assert "table.md: is replaced, without median: -o NEW keeps" in capsys.readouterr().err
+    (here / "recording").rename("other")
+    assert main(["eval-real", "other", "-d", "guided"]) == 2
+    assert "holds the scores of" in capsys.readouterr().err

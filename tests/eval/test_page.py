@@ -5,13 +5,7 @@ from html.parser import HTMLParser
 
 import pytest
 
-from glsim.eval.report.document import (
-    CaptionedPng,
-    Document,
-    Heading,
-    TextTable,
-    html_page,
-)
+from glsim.eval.report.document import CaptionedPng, Document, Heading, TextTable, html_page
 
 PNG = b"\x89PNG\r\n\x1a\n and the rest"
 
