@@ -149,10 +149,7 @@ def _ends(used: Any) -> tuple[int, int]:
 
 def _depth_range(clean: Depth) -> tuple[float, float]:
     """Compute the range of the depth colours, mm, from true depths without the farthest 1 %."""
-    depths = clean[clean > 0]
-    if depths.size == 0:
-        return 0.0, 1.0
-    low, high = np.percentile(depths, [0, 99])
+    low, high = np.percentile(clean[clean > 0], [0, 99]) if (clean > 0).any() else (0, 1)
     return float(low), float(max(high, low + 1))
 
 
