@@ -360,14 +360,15 @@ def split_names(text: str | None) -> list[str] | None:
     return parts
 
 
-def two_numbers(option: str, text: str) -> tuple[float, float]:
-    """Parse an option of the form x,y. Raises ConfigError."""
+def two_numbers(option: str, text: str, *, or_one: bool = False) -> tuple[float, float]:
+    """Parse an option of the form x,y, or of a number for both. Raises ConfigError."""
     try:
-        x, y = (float(part) for part in text.split(","))
+        both = f"{text},{text}" if or_one and "," not in text else text
+        x, y = (float(part) for part in both.split(","))
     except ValueError:
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
-        raise ConfigError(f"{option} {text}: give two numbers, x,y")
+        raise ConfigError(f"{option} {text}: give {'one number or ' * or_one}two numbers, x,y")
     return x, y
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 import re
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
     from glsim.core.depth_frame import DepthFrame
     from glsim.simulation.depth_noise import DepthNoise
 
+#: A map that loses this share of its depth is no map of a surface before the sensor. Chosen.
+_MOST_LOST = 0.99
+
 
 def corrupt(
     clean: Path,
@@ -33,11 +37,11 @@ def corrupt(
     sensor: SensorOption = None,
     assignments: SetOption = None,
     seed: SeedOption = None,
-    depth_unit_mm: float | None = None,
+    depth_unit_mm: Annotated[float | None, typer.Option(min=0.01, max=10)] = None,
     focal_px: str | None = None,
     centre_px: str | None = None,
     config: ConfigOption = None,
-    backend: str | None = None,
+    backend: Literal["egl", "osmesa", "numpy"] | None = None,
     channel: str | None = None,
     along_ray: Annotated[bool, typer.Option("--along-ray")] = False,
 ) -> None:
@@ -86,42 +90,36 @@ def corrupt(
     names = (p.with_stem(re.sub("_clean$", "_noisy", p.stem)) for p in recording.outputs)
     recording = replace(recording, outputs=tuple(names))
     sensor = Path(settings.sensor).stem
-    writer = MapWriter(recording, [clean], out, option="--depth-unit-mm", sensor=sensor)
+    writer = MapWriter(recording, [clean], out, sensor=sensor)
     focal = centre = None
     if (camera := recording.camera) is not None:
         focal, centre = (camera.fx, camera.fy), (camera.cx, camera.cy)
     if focal_px is not None:
-        both = focal_px if "," in focal_px else f"{focal_px},{focal_px}"
-        focal = two_numbers("--focal-px", both)
+        focal = two_numbers("--focal-px", focal_px, or_one=True)
     if centre_px is not None:
         centre = two_numbers("--centre-px", centre_px)
+    copies = Counter[str]()  # each copy of a map gets other noise
     with DepthNoise(settings, backend=backend, focal_px=focal, centre_px=centre) as noise:
         failures = writer.write(
-            recording.frames.changed(_Corrupter(noise)),
+            recording.frames.changed(partial(_with_noise, noise, copies)),
             skipped=lambda why: console.print(f"skipped {why}", style="yellow", soft_wrap=True),
         )
     assumed = "" if focal else "the camera of the maps is taken for the sensor's (--focal-px)"
-    for note in filter(None, (recording.sentence(camera=False), assumed)):
+    notes = (recording.sentence(camera=False), assumed, writer.sentence("noisy"))
+    for note in filter(None, notes):
         print_message(note)
-    print_message(f"wrote {len(writer.targets) - failures} noisy depth map(s) to {out}")
     if failures:
         raise DatasetError(f"{failures} of {len(writer.targets)} maps could not be read")
 
 
-class _Corrupter:
-    """Adds noise to clean maps in their order; each copy of a map gets other noise."""
+def _with_noise(noise: DepthNoise, copies: Counter[str], frame: DepthFrame) -> DepthFrame:
+    from glsim.simulation.corrupt import noise_name
 
-    def __init__(self, noise: DepthNoise) -> None:
-        self._noise, self._copies = noise, Counter[str]()
-
-    def __call__(self, frame: DepthFrame) -> DepthFrame:
-        from glsim.simulation.corrupt import noise_name
-
-        name = noise_name(frame.clean_mm)
-        made = self._noise.corrupt_depth(
-            frame.in_metres("clean_mm"), frame=self._copies[name], sequence=name
-        )
-        self._copies[name] += 1
-        if frame.clean_mm.any() and not (made.noisy > 0).any():
-            raise DatasetError(f"{frame.name}: all depth is lost: check its unit and the camera")
-        return frame.changed({"noisy_mm": made.measured(rounded=False).noisy_mm})
+    name = noise_name(frame.clean_mm)
+    made = noise.corrupt_depth(frame.in_metres("clean_mm"), frame=copies[name], sequence=name)
+    copies[name] += 1
+    left = (made.noisy > 0).sum() / max(1, (frame.clean_mm > 0).sum())
+    if left <= 1 - _MOST_LOST and frame.clean_mm.any():
+        lost = f"{100 * (1 - left):.4g} % of its depth is lost"
+        raise DatasetError(f"{frame.name}: {lost}: check its unit and the camera")
+    return frame.changed({"noisy_mm": made.measured(rounded=False).noisy_mm})

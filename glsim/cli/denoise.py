@@ -57,7 +57,7 @@ def denoise(
         around: face: denoise only around the nearest head. Default: everywhere.
         depth_unit_mm: Step of the depth files, mm. Default: what they state, else 1.
         out_unit_mm: Step of the denoised maps, mm. Default for PNG: 0.1, or 0.2 if an input is
-            deeper than 6.5 m; beyond 13 m, and for TIFF, that of the input.
+            deeper than 6.5 m, and 1 for a map beyond 13 m; for TIFF, that of the input.
         form: Format of the denoised maps: png or tiff (16 bits), npy, exr or tiff-float (metres).
             Default: by the suffix.
         protocol: Depth for the denoiser: depth (as measured) or paper (nearest point of each map at
@@ -106,10 +106,8 @@ def denoise(
         maps.frames,
         skipped=lambda why: console.print(f"skipped {why}", style="yellow", soft_wrap=True),
     )
-    unit = "float32 metres" if writer.step_mm is None else f"steps of {writer.step_mm:g} mm"
-    written = f"wrote {len(writer.targets) - failures} denoised depth map(s) to {out}, in {unit}"
-    sentence = recording.sentence(camera=False)
-    for line in filter(None, (sentence, *_advice(name, loaded, maps), written)):
+    notes = (recording.sentence(camera=False), *_advice(name, loaded, maps))
+    for line in filter(None, (*notes, writer.sentence("denoised"))):
         print_message(line)
     if failures:
         raise DatasetError(f"{failures} of {len(writer.targets)} maps could not be read")

@@ -29,19 +29,16 @@ def to_mm(depth_m: NDArray[np.floating[Any]]) -> NDArray[np.float32]:
     return np.asarray(depth_m * np.float32(MM_PER_M), np.float32)
 
 
-def to_steps(
-    depth_m: NDArray[np.floating[Any]], step_mm: float = 1.0, option: str = "output.depth_unit_mm"
-) -> NDArray[np.uint16]:
+def to_steps(depth_m: NDArray[np.floating[Any]], step_mm: float = 1.0) -> NDArray[np.uint16]:
     """Round depth, metres, 0 = none, to uint16 steps; every positive depth is at least 1 step.
 
-    ``option`` is the setting that the error message advises to change. Raises DepthRangeError if a
-    depth exceeds 65535 steps.
+    Raises DepthRangeError if a depth exceeds 65535 steps.
     """
     steps = np.rint(depth_m * np.float32(MM_PER_M / step_mm))
     if steps.max(initial=0.0) > UINT16_MAX:
         raise DepthRangeError(
             f"a depth of {steps.max() * step_mm:.0f} mm does not fit 16 bits in steps of "
-            f"{step_mm} mm: choose a larger {option}"
+            f"{step_mm} mm: choose a larger output.depth_unit_mm"
         )
     np.maximum(steps, 1.0, out=steps, where=depth_m > 0)
     whole: NDArray[np.uint16] = steps.astype(np.uint16)

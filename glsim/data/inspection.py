@@ -29,9 +29,6 @@ from glsim.simulation.frame import Frame
 from glsim.simulation.pipeline import simulate
 from glsim.simulation.plan.tasks import Task
 
-#: The default number of frames to read: enough for every person of most sets.
-SAMPLE_FRAMES: Final = 40
-
 _MAX_DEPTH: Final = 4  # levels of folders searched to recognise a format
 _MAX_FOLDERS: Final = 200  # folders searched to recognise a format
 
@@ -86,9 +83,7 @@ def open_faces(
     return kind, open_source(parse_table(source_table(kind), values, str(path)), 0)
 
 
-def inspect(
-    path: Path, kind: str, source: FaceSource, sample: int = SAMPLE_FRAMES
-) -> FaceSetReport:
+def inspect(path: Path, kind: str, source: FaceSource, sample: int) -> FaceSetReport:
     """List all frames, and load ``sample`` frames, evenly spaced (0: all). Raises ConfigError."""
     report = FaceSetReport(kind, path)
     people, frames_each = (3, 4) if generates(kind) else (None, None)

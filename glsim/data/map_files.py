@@ -102,9 +102,8 @@ def read_stored(
         path: the file; a suffix that is neither in SUFFIXES nor in DUMPS is read as PNG.
         number: number of the map in a stack; None if the file has one map.
 
-    Raises:
-        DatasetError: no such file, no depth map, too many pixels.
-        ConfigError: OpenEXR files without the package OpenEXR.
+    Raises DatasetError: no such file, no depth map, too many pixels; ConfigError: OpenEXR files
+    without the package OpenEXR.
     """
     suffix = path.suffix.lower()
     if suffix in STACKS:
@@ -223,13 +222,13 @@ def _whole_numbers(image: NDArray[Any], path: Path) -> NDArray[Any]:
 
 def _checked(values: NDArray[Any], path: Path, axes: int, infrared: bool = False) -> NDArray[Any]:
     """Return maps in the machine's byte order. Raises DatasetError for arrays that are no maps."""
-    shape, bits = values.shape, 8 * values.dtype.itemsize
-    known = _holds_depth(values) or (infrared and bits == 8)
+    shape = values.shape
+    known = _holds_depth(values) or (infrared and values.dtype.itemsize == 1)
     if values.ndim != axes or 0 in shape or not known or (axes == 3 and shape[-1] <= 4):
         raise DatasetError(
-            f"{path}: is {shape} {values.dtype}, has {shape[-1] if values.ndim == 3 else 1} "
-            f"channels of {bits} bits; a depth map is (H, W), a stack of frames is (T, H, W), "
-            "16-bit whole numbers or float metres: remove other pictures from the folder"
+            f"{path}: is {shape[1:] if axes == 3 and shape[0] == 1 else shape} {values.dtype}: a "
+            "depth map is (H, W), a stack of frames is (T, H, W), 16-bit whole numbers or float "
+            "metres"
         )
     if shape[-1] * shape[-2] > MAX_MAP_PX:
         raise DatasetError(f"{path}: has more than {MAX_MAP_PX} pixels")
@@ -334,13 +333,7 @@ def along_ray(path: Path, channel: str | None = None) -> str:
     return ""
 
 
-def encode_map(
-    depth_m: NDArray[np.float32],
-    form: str,
-    unit_mm: float,
-    option: str = "--depth-unit-mm",
-    sensor: str = "",
-) -> bytes:
+def encode_map(depth_m: NDArray[np.float32], form: str, unit_mm: float, sensor: str = "") -> bytes:
     """Encode a depth map as the bytes of a file.
 
     Raises DepthRangeError: a depth is beyond 16 bits of the unit.
@@ -350,10 +343,8 @@ def encode_map(
     if form in FLOAT_FORMATS:
         encode = {"npy": encode_npy, "exr": encode_exr}.get(form, _encode_tiff)
         return encode(depth_m)
-    units = to_steps(depth_m, unit_mm, option)
-    if form != "png":
-        return _encode_tiff(units)
-    return encode_png(units, unit_mm, sensor)
+    units = to_steps(depth_m, unit_mm)
+    return encode_png(units, unit_mm, sensor) if form == "png" else _encode_tiff(units)
 
 
 def _encode_tiff(image: NDArray[np.uint16] | NDArray[np.float32]) -> bytes:

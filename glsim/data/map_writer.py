@@ -28,10 +28,7 @@ _SIGMA_STEP_MM: Final = 0.01
 
 
 class MapWriter:
-    """A writer of changed depth maps under the names of a recording's files.
-
-    ``step_mm``: step of integers, mm; None if all outputs are float32 metres.
-    """
+    """A writer of changed depth maps under the names of a recording's files."""
 
     def __init__(
         self,
@@ -41,7 +38,6 @@ class MapWriter:
         form: str | None = None,
         *,
         given_mm: float | None = None,
-        option: str = "--out-unit-mm",
         finest_mm: float | None = None,
         sigma_out: Path | None = None,
         sensor: str = "",
@@ -53,16 +49,17 @@ class MapWriter:
 
         Args:
             form: format of all outputs, one of ``FORMATS``. Default: from the suffix of each name.
-            given_mm: step of integers. Default: ``finest_mm``, else the step of the recording.
-            finest_mm: step of PNG files, doubled if one of the sampled maps is too deep for it; a
-                map that is deeper still keeps the step of its input.
+            given_mm: step of integers. Default: ``finest_mm``, else the step of the recording; a
+                PNG file that is too deep for it takes a coarser one.
+            finest_mm: step of PNG files, doubled if one of the sampled maps is too deep for it.
             sigma_out: folder or file name of the outputs of the layer "sigma_mm".
             sensor: the sensor that the outputs state. Default: the stated one, in PNG files only
                 if it is simulated.
         """
-        self._option, self._out = option, out
+        self._out, self._steps_given = out, given_mm is not None
+        #: What a file holds ("in steps of 1 mm") -> the files.
+        self._written: dict[str, list[str]] = {}
         camera = recording.stated if recording.is_one_camera else StatedCamera()
-        self._camera = replace(camera, sensor=sensor or recording.stated.sensor)
         self._simulated_by = sensor or recording.simulated_by
         self.targets = _targets(recording, inputs, out, form)
         self._sources = recording.sources
@@ -73,23 +70,23 @@ class MapWriter:
                 raise ConfigError(f"{sigma_out}: is the output of the depth: give another name")
         self._forms = [form or format_of(target) for target in self.targets]
         forms = {*self._forms}
-        self.step_mm: float | None = given_mm or recording.step_mm
-        if forms <= {*FLOAT_FORMATS}:
-            if given_mm is not None:
-                raise ConfigError(f"{option}: floats are metres and have no step: leave it out")
-            self.step_mm = None
-        elif given_mm is None and finest_mm is not None and forms == {"png"}:
-            fits = recording.votes.deepest_mm <= DEEPEST_STEPS * finest_mm
-            self.step_mm = min(recording.step_mm, finest_mm if fits else 2 * finest_mm)
-        coarser = [recording.step_mm] if given_mm is None else []
-        tiff_mm = self.step_mm if "tiff" in forms else None  # PNG files state their steps
-        self._camera = replace(self._camera, unit_mm=tiff_mm)
-        self._steps_mm = dict.fromkeys([self.step_mm or 1.0, *coarser])
+        if given_mm is not None and forms <= {*FLOAT_FORMATS}:
+            raise ConfigError("--out-unit-mm: floats are metres and have no step: leave it out")
+        own_mm, deepest_mm = recording.step_mm, 0.0
+        if finest_mm is None or forms != {"png"}:
+            finest_mm = own_mm
+        elif given_mm is None:
+            deepest_mm = recording.votes.deepest_mm
+        fits = (s for s in (min(own_mm, finest_mm), finest_mm) if DEEPEST_STEPS * s >= deepest_mm)
+        step_mm = given_mm or next(fits, 2 * finest_mm)
+        coarser = {own_mm, finest_mm, 2 * finest_mm, 1.0} if given_mm is None else set()
+        #: Steps of PNG files, which state theirs; a TIFF file takes the first.
+        self._steps_mm = [step_mm, *sorted(s for s in coarser if s > step_mm)]
+        tiff_mm = step_mm if "tiff" in forms else None
+        self._camera = replace(camera, sensor=sensor or recording.stated.sensor, unit_mm=tiff_mm)
 
-    def write(
-        self, frames: Frames, layer: str = "noisy_mm", *, skipped: Callable[[str], None]
-    ) -> int:
-        """Write one layer of each frame to its file; several files get a camera.toml beside them.
+    def write(self, frames: Frames, *, skipped: Callable[[str], None]) -> int:
+        """Write the noisy map of each frame; several files get a camera.toml beside them.
 
         Files of a data set keep the offset of their input.
 
@@ -97,17 +94,15 @@ class MapWriter:
             frames: the changed frames, as many as in the recording and in the same order.
             skipped: called with the reason for each frame that cannot be read.
 
-        Returns the number of frames that could not be read.
-
-        Raises:
-            DatasetError: the only frame cannot be read, or a file cannot be written.
-            DepthRangeError: a depth is beyond 16 bits of the step.
+        Returns the number of frames that could not be read. Raises DatasetError: the only frame
+        cannot be read, or a file cannot be written; DepthRangeError: a depth is beyond 16 bits of
+        the given step.
         """
         alone, failures = len(self.targets) == 1, 0
         for number, target in enumerate(self.targets):
             try:
                 frame = frames.load(number)
-                depth_mm = frame.layer(layer)
+                depth_mm = frame.noisy_mm
             except DatasetError as error:
                 if alone:
                     raise
@@ -117,8 +112,7 @@ class MapWriter:
                 continue
             if move_mm := frame.record.get("depth_offset_mm", 0.0) - frame.offset_mm:
                 depth_mm = subtract_offset(depth_mm, move_mm, frame.step_mm or 1.0)
-            data = self._encode(frame, depth_mm, self._forms[number])
-            write_atomic(data, target, sync=alone)
+            write_atomic(self._encode(frame, depth_mm, number), target, sync=alone)
             if self._sigma and "sigma_mm" in frame:
                 write_atomic(_encode_sigma(frame), self._sigma[number], sync=alone)
         if not alone:
@@ -126,15 +120,36 @@ class MapWriter:
             flush_outputs(self._out)
         return failures
 
-    def _encode(self, frame: DepthFrame, depth_mm: Depth, form: str) -> bytes:
-        """Encode a map; if it is too deep for a step that no option gave, use its input's step."""
-        depth_m, problem = to_metres(depth_mm), ""
-        for step_mm in self._steps_mm:
-            try:
-                return encode_map(depth_m, form, step_mm, self._option, self._simulated_by)
-            except DepthRangeError as error:
-                problem = str(error)
-        raise DepthRangeError(f"{frame.record.get('file', frame.name)}: {problem}")
+    def sentence(self, noisy: str) -> str:
+        """Say how many "noisy" maps were written, and in which steps; most files come first."""
+        text = f"wrote {sum(map(len, self._written.values()))} {noisy} depth map(s) to {self._out}"
+        kinds = sorted(self._written.items(), key=lambda kind: -len(kind[1]))
+        for number, (holds, files) in enumerate(kinds):
+            more = f" and {len(files) - 3} more" if len(files) > 3 else ""
+            text += f"; {', '.join(files[:3])}{more} {holds}" if number else f", {holds}"
+        return text
+
+    def _encode(self, frame: DepthFrame, depth_mm: Depth, number: int) -> bytes:
+        """Encode a map, in the finest step that holds it; else what is too deep becomes 0."""
+        form, holds, step_mm = self._forms[number], "in float32 metres", self._steps_mm[0]
+        if form not in FLOAT_FORMATS:
+            steps_mm = self._steps_mm if form == "png" else self._steps_mm[:1]
+            deepest_mm = depth_mm.max(initial=0)
+            step_mm = next((s for s in steps_mm if deepest_mm <= UINT16_MAX * s), steps_mm[-1])
+            holds = f"in steps of {step_mm:g} mm"
+            beyond = depth_mm > UINT16_MAX * step_mm
+            count = int(beyond.sum())
+            if count and self._steps_given:
+                raise DepthRangeError(
+                    f"{frame.record.get('file', frame.name)}: a depth of {deepest_mm:.0f} mm does "
+                    f"not fit 16 bits {holds}: choose a larger --out-unit-mm"
+                )
+            if count:
+                holds += f" without {count} px beyond 16 bits"
+                depth_mm = np.where(beyond, np.float32(0), depth_mm)
+        holds = holds if depth_mm.any() else "without depth"
+        self._written.setdefault(holds, []).append(str(self.targets[number]))
+        return encode_map(to_metres(depth_mm), form, step_mm, self._simulated_by)
 
 
 def _encode_sigma(frame: DepthFrame) -> bytes:
@@ -182,13 +197,12 @@ def _writable(output: Path, form: str | None) -> Path:
     return output if output.suffix.lower() in SUFFIXES else output.with_suffix(".png")
 
 
-def _check_name(out: Path, form: str | None = None) -> None:
+def _check_name(out: Path, form: str | None) -> None:
     """Raise ConfigError for an output's suffix that is no depth format, or not ``form``'s."""
     suffixes = SUFFIXES if form is None else FORMATS[form]
     if out.suffix.lower() not in suffixes:
-        raise ConfigError(
-            f"-o {out}: give a name that ends in {', '.join(suffixes)}, or an existing folder"
-        )
+        known = f"{', '.join(suffixes)}, or an existing folder"
+        raise ConfigError(f"-o {out}: give a name that ends in {known}")
 
 
 def _shared(paths: Sequence[Path]) -> Path | None:

@@ -154,7 +154,7 @@ def open_maps(
     maps.find_cameras(given, crops)
     reader = maps.reader(unit_mm, channel, infrared)
     cameras = maps.checked_cameras(reader.votes.maps_mm[0].shape, needs_camera, along_rays, mirror)
-    stated, notes = cameras[maps.files[0].parent], reader.notes
+    stated, notes = cameras[maps.files[0].parent], maps.notes + reader.notes
     taken, assumed = _assumed(stated, maps.files[0])
     loader = _Loader(reader, kind, mirror, cameras, maps.records, assumed, needs_camera)
     frames = Frames(len(reader), loader, loader.key)
@@ -194,6 +194,7 @@ class _FileList:
         self.cameras: dict[Path, StatedCamera] = {}
         self.stated_by: Path | None = None
         self.simulated_by = ""
+        self.notes: tuple[str, ...] = ()
         self.records: Mapping[Path, DepthFrame] = {}
         self.protocol: DepthProtocol = "depth"
 
@@ -250,9 +251,8 @@ class _FileList:
     ) -> dict[Path, StatedCamera]:
         """Return the camera of each folder for maps of a shape (H, W).
 
-        Raises:
-            ConfigError: distances along rays need intrinsics.
-            DatasetError: a needed camera has another size than the maps.
+        Raises ConfigError: distances along rays need intrinsics; DatasetError: a needed camera has
+        another size than the maps.
         """
         cameras = {}
         for folder, stated in self.cameras.items():
@@ -267,6 +267,10 @@ class _FileList:
                 check_size(camera, shape, self.stated_by or self.files[0])
             elif own is not None and (own.height, own.width) != shape:
                 camera = replace(camera, intrinsics=None)
+                self.notes = (
+                    f"{self.stated_by} says {own.width}x{own.height}, but the maps are "
+                    f"{shape[1]}x{shape[0]}: its focal_px and centre_px are not used",
+                )
             cameras[folder] = _mirrored(camera, mirror)
         return cameras
 

@@ -130,8 +130,7 @@ class Recording:
         """Facts about at most 16 sampled maps; for files, the maps that decided on the unit."""
         if isinstance(self.reader, MapFiles):
             return self.reader.votes
-        numbers = spread(len(self.frames), VOTERS)
-        frames = [self.frames[number] for number in numbers]
+        frames = [self.frames[number] for number in spread(len(self.frames), VOTERS)]
         maps_mm = [frame.layer(self.layer) for frame in frames]
         deepest_mm = max(float(depth_mm.max(initial=0)) for depth_mm in maps_mm)
         return Votes(tuple(maps_mm[:SHOWN]), frames[0].step_mm, deepest_mm)

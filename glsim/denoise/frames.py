@@ -11,7 +11,7 @@ import numpy as np
 from glsim.core.array_types import Depth
 from glsim.core.depth_frame import DepthFrame, Frames
 from glsim.core.depth_protocol import NEAREST_MM, DepthProtocol, offset_to_nearest
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError, DatasetError, DenoiserError
 from glsim.core.units import subtract_offset
 from glsim.data.recording import Recording
 from glsim.measures.static import view_change
@@ -86,8 +86,8 @@ def prepared_frames(
     if device is not None:
         frames = calibrated_frames(frames, device)
     if protocol == "paper":
-        stored = recording.protocol == "paper"
-        frames = frames.changed(partial(_move_noisy, stored), "paper", "paper")
+        move = partial(_move_noisy, recording.protocol == "paper")
+        frames = frames.changed(move, "paper", "paper")
     return frames
 
 
@@ -143,6 +143,12 @@ class DenoisedMaps:
         if denoiser.function.keep_clean:
             self.unchanged += np.array_equal(estimate.depth_mm, stack[now])
         layers = {"noisy_mm": estimate.composite(denoiser.composite or "measured")}
+        bad = ~(np.isfinite(layers["noisy_mm"]) & (layers["noisy_mm"] >= 0))
+        if bad.any():
+            raise DenoiserError(
+                f"{denoiser.label}: returned {bad.sum()} depths that are negative or no number for "
+                f"{frame.record.get('file', frame.name)}"
+            )
         if estimate.sigma_mm is not None:
             layers["sigma_mm"] = estimate.sigma_mm
         return frame.changed(layers)

@@ -81,7 +81,9 @@ def _for_width(maps_mm: Sequence[Depth]) -> tuple[str, str]:
     sizes_mm = [[estimate_noise_mm(depth_mm, step) for step in (1, 2)] for depth_mm in noisy_mm]
     known = [(near_mm, near_mm / far_mm) for near_mm, far_mm in sizes_mm if near_mm and far_mm]
     if not known:
-        return SHIPPED, "the maps show no noise on surfaces that tells more"
+        seen = any(depth_mm.any() for depth_mm in maps_mm)
+        shown = "show no noise on surfaces that tells more" if seen else "have no depth"
+        return SHIPPED, f"the maps {shown}"
     near_mm, ratio = (float(np.median(values)) for values in zip(*known, strict=True))
     shared = _SHARED_RATIOS[0] <= ratio < _SHARED_RATIOS[1] and near_mm <= _SHARED_MOST_MM
     noise = f"{near_mm:.2g} mm between neighbours, {ratio:.2f} of that over 2 px"
@@ -132,8 +134,6 @@ def camera_of(recording: Recording) -> Camera:
     known = sorted((name for name in sensor_names() if name in named), key=len)
     if sensor := stated.sensor or (known[-1] if known else ""):
         return Camera(sensor, f"{recording.stated_by} states it")
-    if not votes.maps_mm:
-        return Camera("", "no map can be read")
     size = width, height = votes.maps_mm[0].shape[::-1]
     if (sized := _SIZES.get(size)) is not None:
         return Camera(sized, f"its images have {width} x {height} pixels")

@@ -57,11 +57,6 @@ def test_denoise_knows_sequences_and_units(maps: Path, tmp_path: Path) -> None:
     pixel = (20, 24)
     found = stack[:, *pixel][stack[:, *pixel] > 0]
     assert middle[pixel] == np.rint(np.median(found))
-    fine = (dome(whole=False) * 10).astype(np.uint16)
-    write(tmp_path / "fine.png", fine)
-    command = ["denoise", "fine.png", "-o", "fine_out.png", "-d", "noisy", "-q"]
-    assert main([*command, "--depth-unit-mm", "0.1"]) == 0
-    np.testing.assert_array_equal(read(tmp_path / "fine_out.png"), fine)
 
 
 def test_denoise_takes_the_step_of_the_data_set(
@@ -71,6 +66,8 @@ def test_denoise_takes_the_step_of_the_data_set(
     for name, unit in (("d", 0.1), ("e", 1.0)):
         make(here / name, make_settings(depth_unit_mm=unit), make_tasks(4, 1))
         write(here / name / "test" / "s001" / f"{name}.png", fine)
+    assert main(["denoise", "e", "-d", "quadric", "-o", "whole"]) == 0
+    assert "wrote 4 denoised depth map(s) to whole, in steps of 0.1 mm" in capsys.readouterr().err
     command = ["denoise", "d/test/s001/d.png", "-d", "quadric", "-q", "-o"]
     assert main([*command, "known.png"]) == 0
     write(here / "alone.png", fine)
@@ -111,7 +108,6 @@ def test_denoise_believes_only_the_data_set_of_the_file(
     ("arguments", "words"),
     [
         (["denoise", "none.png", "-o", "o.png", "-d", "median"], "no such file"),
-        (["denoise", "maps/a/m0_noisy.png", "-o", "o.jpg", "-d", "median"], "ends in .png"),
         (["denoise", "maps", "-o", "maps", "-d", "median"], "would overwrite"),
         (["denoise", "maps", "-o", "o", "-d", "medan"], "did you mean 'median'"),
         (["denoise", "maps", "-o", "o", "-d", "median", "--composite", "x"], "composite x"),

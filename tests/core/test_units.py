@@ -38,8 +38,8 @@ def test_depths_are_rounded_to_steps_and_nothing_else_becomes_nothing(
 def test_what_does_not_fit_sixteen_bits_is_an_error(step_mm: float, largest_m: float) -> None:
     assert to_steps(np.array([largest_m], np.float32), step_mm)[0] == 65535
     beyond = np.array([largest_m + 0.001], np.float32)
-    with pytest.raises(ConfigError, match=r"does not fit 16 bits in steps of .* larger --unit"):
-        to_steps(beyond, step_mm, "--unit")
+    with pytest.raises(ConfigError, match=r"does not fit 16 bits in steps of .* larger output"):
+        to_steps(beyond, step_mm)
 
 
 def test_an_offset_is_added_where_there_is_depth() -> None:

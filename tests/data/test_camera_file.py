@@ -103,6 +103,9 @@ def test_mistakes_get_one_line(
     assert message in error
     assert "camera.toml" in error
     assert "\n" not in error
+    if "but the frames are" in message:
+        assert main(["denoise", str(root), "-o", str(tmp_path / "n"), "-d", "median"]) == 0
+        assert "camera.toml says 80x48, but the maps are 64x48" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("most", [1, 2, 3, 5, 9])

@@ -50,7 +50,7 @@ def test_what_is_there_is_counted_and_problems_are_named(tmp_path: Path) -> None
     _d3dfacs(tmp_path)
     put(tmp_path / "Joe/1+2/1+2_9.ply", b"ply\n")
     kind, source = open_faces(tmp_path)
-    report = inspect(tmp_path, kind, source)
+    report = inspect(tmp_path, kind, source, 40)
     assert report.people == {"Joe": (1, 4)}
     assert (report.frames, report.checked) == (4, 4)
     assert report.vertices == (len(FACE), len(FACE))

@@ -57,7 +57,6 @@ def test_what_is_written_is_read_again(tmp_path: Path, suffix: str) -> None:
     if suffix == ".exr":
         pytest.importorskip("OpenEXR")
     data = encode_map(METRES, format_of(Path(f"x{suffix}")), 0.5)
-    assert data == encode_map(METRES, format_of(Path(f"x{suffix}")), 0.5)
     (tmp_path / f"x{suffix}").write_bytes(data)
     np.testing.assert_allclose(read_map_mm(tmp_path / f"x{suffix}", 0.5), UNITS, atol=1e-4)
 
@@ -68,7 +67,8 @@ def test_what_is_written_is_read_again(tmp_path: Path, suffix: str) -> None:
         ("a.npy", UNITS.astype(np.float32) / 10, "neither metres"),
         ("a.npy", np.stack([METRES] * 5), "is a stack of 5 maps"),
         ("a.npy", np.dstack([METRES, METRES, 2 * METRES]), r"is \(24, 32, 3\) float32"),
-        ("a.npy", METRES.ravel(), r"is \(1, 768\) float32"),
+        ("a.npy", METRES.ravel(), r"is \(768,\) float32"),
+        ("a.npy", UNITS > 0, r"is \(24, 32\) bool: a depth map is \(H, W\).* float metres$"),
         ("a.tiff", np.zeros((4, 4), np.uint8), "16-bit whole numbers or float metres"),
     ],
 )

@@ -179,7 +179,7 @@ def test_damaged_frames_are_skipped_with_a_reason(tmp_path: Path) -> None:
     [
         ("missing", "no such file or folder"),
         ("empty", "holds no depth maps"),
-        ("colour", "has 3 channels of 8 bits"),
+        ("colour", "is (40, 40, 3) uint8: a depth map is (H, W)"),
         ("packets", "decode raw packets with libfreenect2 first"),
         ("unit", "must be above 0"),
     ],

@@ -12,7 +12,6 @@ from glsim.core.files.png import encode_png, read_image, stated_unit_mm
 from glsim.data.map_writer import MapWriter
 from glsim.data.maps import open_maps
 from glsim.data.recordings.files import read_map_mm
-from tests.support.dataset_fakes import make, make_settings, make_tasks
 
 DEPTH_MM = 900 + np.random.default_rng(0).normal(0, 2, (40, 48)).astype(np.float32)
 
@@ -60,13 +59,21 @@ def test_the_step_of_the_output(here: Path, capsys: pytest.CaptureFixture[str]) 
 def test_depth_beyond_the_step_is_refused_or_keeps_the_step_of_the_input(
     here: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    for farther_mm, step_mm in ((12_500, 1.0), (6000, 0.2)):
-        write(Path("far.png"), 1.0, stated=True, depth_mm=DEPTH_MM + farther_mm)
+    for depth_mm, unit_mm, step_mm in ((13_400, 1.0, 1.0), (6540, 0.1, 0.2), (6900, 1.0, 0.2)):
+        write(Path("far.png"), unit_mm, stated=True, depth_mm=DEPTH_MM - 900 + depth_mm)
         assert denoise("far.png", "-o", "a.png") == 0
         assert stated_unit_mm(Path("a.png")) == step_mm
+        assert f"a.png, in steps of {step_mm:g} mm" in capsys.readouterr().err
     assert denoise("far.png", "-o", "b.png", "--out-unit-mm", "0.1") == 2
     assert "far.png: a depth of" in capsys.readouterr().err
     assert not Path("b.png").exists()
+    moved = open_maps(write(Path("c.png"), 0.1, stated=True, depth_mm=DEPTH_MM + 5640))
+    moved_frames = moved.frames.changed(lambda f: f.changed({"noisy_mm": f.noisy_mm + 10}))
+    writer = MapWriter(moved, ["c.png"], Path("c.tiff"))  # a TIFF states no step
+    writer.write(moved_frames, skipped=print)
+    lost = (moved_frames[0].noisy_mm > 6553.5) & (moved.frames[0].noisy_mm > 0)
+    assert 0 < lost.sum() == (read_image(Path("c.tiff")) == 0).sum() < lost.size / 2
+    assert f"in steps of 0.1 mm without {lost.sum()} px beyond" in writer.sentence("denoised")
 
 
 @pytest.mark.parametrize("denoiser", ["masked_gaussian", "temporal_median"])
@@ -87,28 +94,27 @@ def test_each_file_is_decoded_once_but_for_those_that_vote(
     assert len(decoded) == 20 + 16
 
 
-def test_a_deep_map_that_does_not_vote_keeps_its_depth(here: Path) -> None:
+def test_a_deep_map_that_does_not_vote_keeps_its_depth(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     """16 of the 40 maps decide on steps of 0.1 mm; the second has a wall at 7 m."""
     Path("in").mkdir()
     for number in range(40):
         write(Path(f"in/{number}.png"), 1.0, depth_mm=DEPTH_MM + 6000 * (number == 1))
     assert 0.0 < open_maps("in").votes.deepest_mm < 6500
     assert denoise("in", "-o", "out", "-q") == 0
-    assert [stated_unit_mm(Path(f"out/{number}.png")) for number in range(3)] == [0.1, 1.0, 0.1]
+    assert [stated_unit_mm(Path(f"out/{number}.png")) for number in range(3)] == [0.1, 0.2, 0.1]
     again = open_maps("out")  # each file says how deep it is
-    assert [frame.step_mm for frame in again.frames][:3] == [0.1, 1.0, 0.1]
+    assert [frame.step_mm for frame in again.frames][:3] == [0.1, 0.2, 0.1]
     np.testing.assert_allclose(np.median(again.frames[1].noisy_mm), 6900, atol=5)
-
-
-def test_maps_of_a_data_set_are_written_in_steps_of_a_tenth(tmp_path: Path) -> None:
-    make(tmp_path / "data", make_settings(depth_unit_mm=0.5), make_tasks(2, 2))
-    files = sorted((tmp_path / "data").rglob("*_noisy.png"))
-    assert open_maps(files).step_mm == 0.5
-    assert open_maps(files).notes == ()
-    assert denoise(str(tmp_path / "data"), "-o", str(tmp_path / "out")) == 0
-    written = sorted((tmp_path / "out").rglob("*.png"))
-    assert len(written) == 4
-    assert {stated_unit_mm(path) for path in written} == {0.1}
+    cv2.imwrite("in/2.png", np.zeros((40, 48), np.uint16))
+    assert denoise("in", "-o", "out") == 0
+    said = "out, in steps of 0.1 mm; out/1.png in steps of 0.2 mm; out/2.png without depth\n"
+    assert said in capsys.readouterr().err
+    Path("mine.py").write_text("def nan(depth, valid):\n    return depth * float('nan'), valid\n")
+    assert main(["denoise", "in", "-o", "bad", "-d", "mine.py:nan"]) == 1
+    refused = "mine.py:nan: returned 1920 depths that are negative or no number for in/0.png\n"
+    assert capsys.readouterr().err.endswith(refused)
 
 
 def test_formats_of_floats_are_metres(here: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -166,13 +166,27 @@ def test_the_surface_of_a_map_is_where_it_was_seen(context: Context) -> None:
      (None, ["--depth-unit-mm", "0.5"], 0.5)],
 )  # fmt: skip
 def test_a_noisy_map_states_its_step(
-    tmp_path: Path, clean_states_mm: float | None, given: list[str], stated_mm: float | None
-) -> None:
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    clean_states_mm: float | None, given: list[str], stated_mm: float | None,
+) -> None:  # fmt: skip
     clean, noisy = tmp_path / "clean.png", tmp_path / "noisy.png"
-    clean.write_bytes(encode_png(np.full((32, 40), 9000, np.uint16), clean_states_mm))
+    image = np.full((32, 40), 9000, np.uint16)
+    clean.write_bytes(encode_png(image, clean_states_mm))
     command = ["corrupt", str(clean), "-o", str(noisy), "-s", "ideal", "--backend", "numpy"]
     assert main([*command, *given]) == 0
     assert stated_unit_mm(noisy) == stated_mm
+    image[:, 1:] = 19_000
+    image[8:, 0] = 0
+    clean.write_bytes(encode_png(image))
+    assert main(command) == 1
+    assert "clean: 99.36 % of its depth is lost: check its unit" in capsys.readouterr().err
+    for option, value, words in (
+        ("--backend", "cuda", "'egl', 'osmesa', 'numpy'"),
+        ("--focal-px", "abc", "--focal-px abc: give one number or two numbers"),
+        ("--depth-unit-mm", "0", "'--depth-unit-mm'"),
+    ):
+        assert main([*command, option, value]) == 2
+        assert words in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("form", ["png", "tiff", "npy"])
@@ -182,7 +196,7 @@ def test_sensor_camera_and_unit_go_with_noisy_and_denoised_maps(tmp_path: Path, 
     for number in range(2):
         image = np.full((32, 40), 900 + 20 * number, np.uint16)
         (clean / f"{number}_clean.png").write_bytes(encode_png(image))
-    (clean / "camera.toml").write_text("width = 40\nheight = 32\nfocal_px = [30, 31]\n")
+    (clean / "camera.toml").write_text("width=40\nheight=32\nfocal_px=[30,31]\nname='my: k'")
     command = ["corrupt", str(clean), "-o", str(noisy), "-s", "kinect-v2", "--backend", "numpy"]
     assert main(command) == 0
     command = ["denoise", str(noisy), "-o", str(out), "-d", "median", "--format", form]
@@ -192,6 +206,7 @@ def test_sensor_camera_and_unit_go_with_noisy_and_denoised_maps(tmp_path: Path, 
     denoised = open_maps(out)
     assert camera_of(denoised).sensor == "kinect-v2"
     assert denoised.camera == Intrinsics(40, 32, 30, 31, 20, 16)
+    assert denoised.stated.name == "kinect-v2: my: k"
     assert denoised.frames[0].step_mm == {"png": 0.1, "tiff": 1.0, "npy": 0.0}[form]
     assert abs(denoised.frames[0].noisy_mm[8:24, 8:32].mean() - 900) < 20
     (out / "camera.toml").write_text('name = "mine"\n')

@@ -113,7 +113,7 @@ def write_camera_file(camera: StatedCamera, folder: Path) -> None:
 
     The sensor stands in the name: the key ``sensor`` would also state intrinsics.
     """
-    title = ": ".join(dict.fromkeys(filter(None, (camera.sensor, camera.name))))
+    title = ": ".join(dict.fromkeys(filter(None, (camera.sensor, *camera.name.split(": ")))))
     values: dict[str, Any] = {"name": title, "unit_mm": camera.unit_mm}
     values["baseline_m"] = camera.baseline_m
     if (own := camera.intrinsics) is not None:

@@ -121,8 +121,7 @@ class MapFiles:
         self.ray_channel = "" if exr is None else along_ray(exr, self._channel)
         maps = [self._in_mm(place, image) for place, image in images.items()]
         deepest_mm = max(float(depth_mm.max(initial=0)) for depth_mm, _ in maps)
-        shown = tuple(depth_mm for depth_mm, _ in maps[:SHOWN])
-        self.votes = Votes(shown, maps[0][1], deepest_mm)
+        self.votes = Votes(tuple(shown for shown, _ in maps[:SHOWN]), maps[0][1], deepest_mm)
 
     def __len__(self) -> int:
         return len(self.places)
