@@ -55,8 +55,8 @@ def reproduce(
 ) -> None:
     """Reproduce the paper: generate data, train networks, write tables 1 to 3 with our values.
 
-    One folder contains all results: data/, runs/, paper_table_1.md to _3.md, report.html, the
-    paper's figures in paper_figures/, and paper_values.html, each printed value beside ours.
+    One folder contains all results: data/, runs/, paper_table_1.md to _4.md, paper_values.html,
+    each printed value beside ours, and, but for tiny, report.html and paper_figures/.
     protocol_paper/ holds the networks and tables under the paper's protocol (nearest point at
     1 mm), mask_as-noisy/ those with BlenSor's mask. A finished step is not repeated: delete its
     folder to do it again.
