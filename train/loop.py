@@ -260,15 +260,14 @@ class TrainingRun:
     def ended_by(self) -> str | None:
         """Name the limit that ended the training (patience, steps, epochs, minutes), if any."""
         limits, progress = self.recipe.training, self.progress
-        if limits.patience is not None and progress.stale >= limits.patience:
-            return "patience"
-        if limits.max_steps is not None and progress.steps >= limits.max_steps:
-            return "steps"
-        if limits.max_epochs is not None and progress.epoch >= limits.max_epochs:
-            return "epochs"
-        if limits.max_minutes is not None and self._seconds() >= limits.max_minutes * 60:
-            return "minutes"
-        return None
+        reached = {
+            "patience": (progress.stale, limits.patience),
+            "steps": (progress.steps, limits.max_steps),
+            "epochs": (progress.epoch, limits.max_epochs),
+            "minutes": (self._seconds() / 60, limits.max_minutes),
+        }
+        ends = (name for name, (now, end) in reached.items() if end is not None and now >= end)
+        return next(ends, None)
 
     def save(self, state: str, ended_by: str | None = None) -> dict[str, Any]:
         """Write last.pt and run.json; return the content of run.json."""

@@ -72,13 +72,8 @@ _VALUES: Final[dict[str, Callable[[ScoredMap], float]]] = {
 
 
 def _shipped() -> Iterator[Metric]:
-    numbers = {
-        "psnr_max": PSNR_MAX_MM,
-        "flying": FLYING_MM,
-        "good": _GOOD_DEG,
-        "band": BAND_PX,
-        "beside": BESIDE_PX,
-    }
+    numbers = {"psnr_max": PSNR_MAX_MM, "flying": FLYING_MM, "good": _GOOD_DEG}
+    numbers |= {"band": BAND_PX, "beside": BESIDE_PX}
     for name, (unit, better, group, text) in DESCRIPTIONS["metrics"].items():
         made: dict[str, tuple[Direction, str, Any]] = {name: (better, text, _VALUES.get(name))}
         if name == "ssim":

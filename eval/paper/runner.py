@@ -10,7 +10,7 @@ import json
 import re
 import time
 from collections.abc import Callable, Sequence
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -70,7 +70,10 @@ class Runner:
         """
         record = self.out / "steps" / f"{re.sub(r'[^A-Za-z0-9._-]+', '-', name)}.json"
         inputs = json.loads(json.dumps(inputs))
-        done = output is not None and output.exists() and _inputs_of(record) == inputs
+        before: Any = "none"
+        with suppress(DatasetError):  # the step was not finished
+            before = read_json(record).get("inputs", before)
+        done = output is not None and output.exists() and before == inputs
         minutes = "" if self.dry else f"{(time.monotonic() - self._start) / 60:.0f} min, "
         self.announce(f"{minutes}{name}{': complete' if done else ''}")
         if done or self.dry:
@@ -123,11 +126,3 @@ class Runner:
 
     def _name(self, folder: Path) -> str:
         return folder.relative_to(self.out).as_posix()
-
-
-def _inputs_of(record: Path) -> Any:
-    """Read the inputs of a finished step from its record; "none" if it was not finished."""
-    try:
-        return read_json(record).get("inputs", "none")
-    except DatasetError:
-        return "none"

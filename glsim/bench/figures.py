@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import math
 from pathlib import Path
+from textwrap import fill
 from typing import Any
 
 import cv2
@@ -17,8 +18,8 @@ from glsim.core.depth_frame import Frames
 from glsim.core.files.atomic import write_atomic
 
 #: Most frames of a page. Relief is depth minus its mean in a window of this side, px; colours reach
-#: to this many times the first set's median relief. Chosen.
-_FRAMES, _WINDOW_PX, _COLOURS = 4, 13, 6.0
+#: to this many times the first set's median relief. Letters of a title's line. Chosen.
+_FRAMES, _WINDOW_PX, _COLOURS, _TITLE_LETTERS = 4, 13, 6.0, 160
 
 
 def draw_comparison(comparison: Comparison, first: Frames, second: Frames, file: Path) -> None:
@@ -26,20 +27,22 @@ def draw_comparison(comparison: Comparison, first: Frames, second: Frames, file:
     count = min(len(first), len(second))
     numbers = sorted({*np.linspace(0, count - 1, _FRAMES).astype(int).tolist()})
     figure = _figure(13.0, 0.6 + 2.7 * len(numbers))
-    figure.suptitle("\n".join(comparison.summary()[:2]).replace("*", ""), fontsize=8, wrap=True)
+    lines = [fill(line.replace("*", ""), _TITLE_LETTERS) for line in comparison.summary()[:2]]
+    figure.suptitle("\n".join(lines), fontsize=8)
     axes = figure.subplots(len(numbers), 4, squeeze=False)
     for row, number in zip(axes, numbers, strict=True):
         depths = [np.nan_to_num(f[number].measured_mm) for f in (first, second)]
         reliefs = [_relief(depth) for depth in depths]
         most = _COLOURS * float(np.nanmedian(np.abs(reliefs[0])))
-        for axis, depth, relief in zip(row[:2], depths, reliefs, strict=True):
-            shown, beside = np.where(depth > 0, depth, np.nan), row[2 + (axis is row[1])]
-            near, far = np.nanquantile(shown, (0.02, 0.98))
-            axis.set_xlabel(f"{near:.0f} to {far:.0f} mm", fontsize=8)
-            axis.imshow(shown, cmap="viridis_r", vmin=near, vmax=far, interpolation="nearest")
-            beside.imshow(relief, cmap="RdBu", vmin=-most, vmax=most, interpolation="nearest")
-        row[3].set_ylabel(f"+-{most:.1f} mm", fontsize=8)
-        row[3].yaxis.set_label_position("right")
+        near, far = np.quantile(np.concatenate([d[d > 0] for d in depths]), (0.02, 0.98))
+        depths = [np.where(depth > 0, depth, np.nan) for depth in depths]
+        for pair, maps, colours, low, high, name in (
+            (row[:2], depths, "viridis_r", near, far, "depth [mm]"),
+            (row[2:], reliefs, "RdBu", -most, most, "relief [mm]"),
+        ):
+            style = {"cmap": colours, "vmin": low, "vmax": high, "interpolation": "nearest"}
+            drawn = [axis.imshow(each, **style) for axis, each in zip(pair, maps, strict=True)]
+            figure.colorbar(drawn[0], ax=pair, label=name, shrink=0.8)
     names = [frames.title[-40:] for frames in (first, second)]
     for axis, name in zip(axes[0], (*names, *(f"{name}: relief" for name in names)), strict=True):
         axis.set_title(name, fontsize=8)

@@ -52,11 +52,12 @@ console = make_console(stderr=True)
 
 @dataclass
 class MessageOptions:
-    """The amount of messages that a command prints, as set by its options."""
+    """The amount of messages that a command prints, and what stands before options of meshes."""
 
     quiet: bool = False
     verbose: bool = False
     debug: bool = False
+    mesh_option: str = ""
 
 
 options = MessageOptions()
@@ -208,6 +209,8 @@ CalibratedDeviceOption = Annotated[
 ]
 #: Exit status that Typer returns for Ctrl-C.
 _INTERRUPTED = 130
+#: Command -> what stands before unit=... and axes=... of ``glsim.load_mesh`` when they are typed.
+_MESH_OPTIONS = {"generate": "--set source.", "inspect": "--", "render": "--"}
 #: Command -> how an interrupted run goes on; the other commands begin anew.
 _GOES_ON = {
     "train": "run it again with --resume to go on",
@@ -232,6 +235,7 @@ def run_command_line(command: Callable[..., Any], arguments: list[str] | None) -
     words = list(sys.argv[1:] if arguments is None else arguments)
     if len(words) > 1 and words[0] in ("-q", "-v", "--debug"):  # all commands take them
         words.append(words.pop(0))
+    options.mesh_option = _MESH_OPTIONS.get(words[0] if words else "", "")
     try:
         with _on_sigterm(terminate):
             result = command(args=words, standalone_mode=False)
@@ -265,6 +269,9 @@ def _option_advice(error: typer.TyperException, arguments: list[str]) -> str | N
     command = getattr(context, "info_name", "")
     option = getattr(error, "option_name", "")
     known = [name for param in context.command.params for name in param.opts] if context else []
+    extra = re.search(r"extra argument\S* \((\S+)\)", str(error))
+    if extra and command == "generate":
+        return f"{extra[1]}: to name the folder of the data set, give -o {extra[1]}"
     if longer := [name for name in known if len(option) > 2 and name.startswith(option)]:
         return f"No such option: {option}, did you mean {' or '.join(longer)}?"
     if not option or command not in ("generate", "render"):
@@ -303,12 +310,15 @@ def _on_sigterm(handler: Callable[[int, FrameType | None], None]) -> Iterator[No
 def _report_error(error: Exception, status: int) -> int:
     if options.debug:
         traceback.print_exception(error)
-    sys.stderr.write(f"glsim: error: {_with_urls(_error_text(error))}\n")
+    sys.stderr.write(f"glsim: error: {as_typed(_error_text(error))}\n")
     return status
 
 
-def _with_urls(text: str) -> str:
-    """Restore URLs in a message, because pathlib turns s3://bucket into s3:/bucket."""
+def as_typed(text: str) -> str:
+    """Restore URLs in a message, which pathlib turns into s3:/bucket, and options of meshes."""
+    if options.mesh_option:
+        option = rf"{options.mesh_option}\1=\2"
+        text = re.sub(r"(?<![\w.-])(unit|axes)='?([\w.+-]*\w)'?", option, text)
     return re.sub(r"\b(s3a?|gs|gcs|az|abfss?):/(?=[^/\s])", r"\1://", text)
 
 
@@ -341,7 +351,7 @@ def overrides(**values: Any) -> dict[str, Any]:
 def print_message(text: str) -> None:
     """Print a message on stderr unless --quiet, without line breaks at any length."""
     if not options.quiet:
-        console.print(_with_urls(text), soft_wrap=True)
+        console.print(as_typed(text), soft_wrap=True)
 
 
 def print_written(paths: Sequence[Path]) -> None:

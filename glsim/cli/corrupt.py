@@ -77,11 +77,8 @@ def corrupt(
     for text in assignments or []:
         if text.startswith(("pose.", "scene.", "source.", "appearance.", "motion.", "variation.")):
             raise ConfigError(f"--set {text}: has no effect on depth maps, which show their scene")
-    settings = load_settings(
-        config,
-        assignments or [],
-        overrides(sensor=sensor, seed=seed, output__depth_unit_mm=depth_unit_mm),
-    )
+    over = overrides(sensor=sensor, seed=seed, output__depth_unit_mm=depth_unit_mm)
+    settings = load_settings(config, assignments or [], over)
     given_mm = settings.output.depth_unit_mm
     given = given_mm if given_mm != 1 else depth_unit_mm
     recording = open_maps(

@@ -81,6 +81,7 @@ def evaluate_real(
         print_message(remarks[-1])
     if len(opened.partner) == 0:
         remarks.append("No two frames show one static view: there are no static pairs.")
+        print_message(f"{remarks[-1]} n/a: the frames lack what this measure needs")
     with scoring_progress("scoring") as progress:
         scores = score_recording(
             opened, specs, scoring_half=tune_filters, workers=count, progress=progress

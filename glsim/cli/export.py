@@ -43,16 +43,13 @@ def export(
         if out.exists() and not out.is_dir():
             raise DatasetError(f"-o {out}: is a file: give a folder")
         formats, kept = split_names(to) or ["npz"], split_names(layers)
-        done = export_dataset(
-            open_dataset(source), out, formats, layers=kept, split=split, count=frames
-        )
+        data = open_dataset(source)
+        done = export_dataset(data, out, formats, layers=kept, split=split, count=frames)
         print_message(f"wrote {done} frame(s) as {', '.join(formats)} to {out}")
     elif not source.exists():
         raise ConfigError(f"{source}: no such data set or checkpoint")
     elif any(option is not None for option in (to, layers, split, frames)):
-        raise ConfigError(
-            f"{source}: is no data set: --to, --layers, --split and --frames need one"
-        )
+        raise ConfigError(f"{source}: is no data set, as --to, --layers, --split, --frames need")
     else:
         _export_network(source, out)
 

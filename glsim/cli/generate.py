@@ -153,21 +153,24 @@ def _print_poses(settings: Settings) -> None:
             if bad == meshes and len(settings.source) == 1:
                 raise MeshError(f"{source.root}: no mesh in it can be used; nothing is written")
             if len(people) > _SHOWN_PEOPLE:
-                print_message(f"{len(people)} people: glsim inspect {source.root} -o shows them")
+                print_message(f"{len(people)} people: glsim inspect {source.root} -o faces.png")
 
 
 def _print_empty_splits(settings: Settings, whole: GenerateSummary) -> None:
-    """Name the splits that have a share above 0 but no person, since there are few people."""
+    """Name the splits that have a share above 0 but no person, and why."""
     from glsim.settings.schema import SPLIT_NAMES
+    from glsim.simulation.pipeline import open_sources
+    from glsim.simulation.plan.tasks import make_tasks
 
     if isinstance(settings.split, str):
         return
     shares = zip(SPLIT_NAMES, settings.split, strict=True)
     if empty := [name for name, share in shares if share > 0 and not whole.frames[name]]:
-        print_message(
-            f"nobody is in {' and '.join(empty)}: {sum(whole.subjects.values())} people are too "
-            "few for this split; training and scoring need more"
-        )
+        planned = {person.split for person in make_tasks(settings, open_sources(settings)).people()}
+        few = f"{sum(whole.subjects.values())} people are too few for this split"
+        for why in (few, "all frames of their people were skipped"):
+            if names := [name for name in empty if (name in planned) is (why != few)]:
+                print_message(f"nobody is in {' and '.join(names)}: {why}: add people")
 
 
 def _print_plan(settings: Settings, workers: int) -> None:

@@ -79,7 +79,8 @@ def inspect(
     if shown and out is not None:
         step = max(1, len(report.usable) // shown)
         cells = list(inspection.preview_faces(source, report.usable[::step][:shown], backend))
-        write_picture(gallery(cells, f"{path.name}: {kind}, {report.frames} frames"), out)
+        title = f"{path.name}: {kind}, {len(cells)} of {report.frames} frames"
+        write_picture(gallery(cells, title), out)
         print_written([out])
 
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from glsim.cli.common import console, options, print_message
+from glsim.cli.common import as_typed, console, options, print_message
 from glsim.core.errors import DatasetError
 
 if TYPE_CHECKING:
@@ -104,17 +104,16 @@ def print_summary(summary: GenerateSummary, out: Path | str) -> None:
     people = ", ".join(f"{split} {count}" for split, count in summary.subjects.items())
     print_message(f"{out}: {sum(summary.frames.values())} frames ({frames}) of subjects ({people})")
     if summary.reused:
-        print_message(f"{summary.reused} of them were complete already")
+        print_message(f"{summary.reused} frames, made or skipped, were complete already")
     if summary.rendered and summary.bytes:
-        milliseconds = 1000 * summary.cpu_seconds / summary.rendered
         print_message(
-            f"{summary.rendered} {'drawn or skipped' if summary.skipped else 'rendered'} in "
-            f"{summary.seconds:.1f} s: "
-            f"{rate_text(summary.rendered / summary.seconds)}, {milliseconds:.1f} ms of CPU each, "
+            f"{summary.rendered} made{' or skipped' * bool(summary.skipped)} in "
+            f"{summary.seconds:.1f} s: {rate_text(summary.rendered / summary.seconds)}, "
+            f"{1000 * summary.cpu_seconds / summary.rendered:.1f} ms of CPU each, "
             f"{summary.bytes / 1e6:.1f} MB"
         )
     for why, count in sorted(summary.skipped.items(), key=lambda item: -item[1])[:10]:
-        console.print(f"skipped {count}: {why}", style="yellow")
+        console.print(as_typed(f"skipped {count}: {why}"), style="yellow")
     for note in summary.notes:
         print_message(note)
     if not sum(summary.frames.values()):

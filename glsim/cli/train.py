@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glsim.cli.common import RECIPES, SeedOption, console, options, overrides, print_message
-from glsim.core.errors import ConfigError, training_needs_torch
+from glsim.core.errors import ConfigError, DatasetError, training_needs_torch
 
 if TYPE_CHECKING:
     from glsim.train.loop import StepStatus
@@ -63,6 +63,7 @@ def train(
         list_recipes: Print the shipped recipes and exit.
     """
     from glsim.core.depth_protocol import check_protocol
+    from glsim.data.header import is_dataset
     from glsim.settings.toml_tables import flattened, toml_value
     from glsim.train.recipe import assignments_of, load_recipe
 
@@ -88,6 +89,9 @@ def train(
     chosen = load_recipe(recipe, [*begun, *given])
     if begun:
         print_message(f"{folder}: goes on with {', '.join(begun)}")
+    for each in data or ():
+        if not is_dataset(each):
+            raise DatasetError(f"--data {each}: is no data set: glsim generate -o {each} makes it")
     print_message(f"{chosen.title}: trains in {folder}; loading PyTorch and the data")
 
     try:

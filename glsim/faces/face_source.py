@@ -183,5 +183,7 @@ class FaceSettings(SourceSettings):
 class MeshFileSettings(FaceSettings):
     """The [[source]] table of a source that reads mesh files."""
 
-    unit: str = Field("auto", description="mm, cm, dm, m, inch or a number of millimetres")
+    unit: str = Field(
+        "auto", description="such as cm or inch, or in mm", coerce_numbers_to_str=True
+    )
     axes: str = Field("auto", description="axes of the meshes, e.g. +x+y+z; auto: detected")

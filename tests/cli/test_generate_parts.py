@@ -9,8 +9,11 @@ from pathlib import Path
 import pytest
 
 from glsim.cli import main
+from glsim.cli.generate import _print_empty_splits
 from glsim.data import chunks
+from glsim.data.progress import GenerateSummary
 from glsim.data.verification import verify
+from glsim.settings.schema import load_settings
 from tests.support.dataset_fakes import contents
 from tests.support.imports import ROOT
 
@@ -26,6 +29,18 @@ def test_a_large_plan_is_a_summary(capsys: pytest.CaptureFixture[str]) -> None:
     assert "with 10 worker(s)" in text
     assert "p0000" not in text
     assert len(text.splitlines()) < 20
+
+
+@pytest.mark.parametrize(
+    ("people", "why"), [(3, "all frames of their people were"), (1, "1 people")]
+)
+def test_a_split_without_people_has_its_true_reason(
+    capsys: pytest.CaptureFixture[str], people: int, why: str
+) -> None:
+    settings = load_settings(source={"subjects": people, "frames_per_subject": 1})
+    counts = {"train": 1, "val": 0, "test": 0}
+    _print_empty_splits(settings, GenerateSummary(counts, counts, {}, 1, 0, 1, 1.0, 1.0))
+    assert capsys.readouterr().err.startswith(f"nobody is in val and test: {why}")
 
 
 def test_the_last_part_merges(

@@ -80,6 +80,8 @@ def test_tab_completes_names(command: str, parameter: str, start: str, name: str
 def test_the_start_of_an_option_and_cut_texts(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["generate", "--frames", "3"]) == 2
     assert "did you mean --frames-per-subject?" in capsys.readouterr().err
+    assert main(["generate", "data"]) == 2
+    assert "give -o data " in capsys.readouterr().err
     for name in ("fit", "paper", "import", "denoise"):
         main([name, "--help"])
         _, _, text = capsys.readouterr().out.partition("\n")

@@ -42,12 +42,6 @@ def test_stages(capsys: pytest.CaptureFixture[str]) -> None:
     assert sigma["unit"] == "mm"
 
 
-def test_info(capsys: pytest.CaptureFixture[str]) -> None:
-    found = printed(capsys, "info")
-    assert found["versions"].keys() >= {"glsim", "numpy"}
-    assert "used" in {entry["state"] for entry in found["backends"]}
-
-
 def test_a_data_set_that_is_sound_and_one_that_is_not(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -27,7 +27,6 @@ generate -o new --subjects 99999999999999999999999
 generate -o new --source peple
 generate -o new --source folder
 generate -o new --root maps
-generate -o new --sensor kinect-v3
 generate -o new --sensor broken.toml
 generate -o new --preset offce
 generate -o new --config latin.toml
@@ -49,7 +48,6 @@ eval data -d median -o data
 denoise map.png -o map.png
 denoise map.png -o out.png -d medan
 denoise map.png -o out.png -d median:size=4
-eval data -d medan
 eval data -d median -o scored
 train fase --data data
 train face --data data --steps 0

@@ -71,14 +71,6 @@ def test_draws_are_pinned() -> None:
     )
 
 
-def test_uniform_fills_its_range_evenly() -> None:
-    made = draws(Distribution(uniform=(2, 5)))
-    assert made.min() >= 2
-    assert made.max() <= 5
-    assert abs(z_mean(made, 3.5)) < Z_MAX
-    assert abs(z_rate(made < 2.3, 0.1)) < Z_MAX
-
-
 def test_normal_is_cut_at_three_deviations() -> None:
     distribution = Distribution(normal=(10, 2))
     made = draws(distribution)

@@ -82,6 +82,7 @@ class Comparison:
     first: Measurements
     second: Measurements
     verdicts: dict[str, Verdict]
+    replayed: bool = False
 
     @property
     def told(self) -> float:
@@ -113,10 +114,9 @@ class Comparison:
                 tells.append(f"{kind} by {', '.join(_told(t) for t in v.telling[:1])}")
         do = "nothing: what is left is told from a sensor's own frames as well"
         if tells:
-            do = (
-                "fit a sensor to the first set (glsim fit) or change the stage that makes this "
-                "feature (glsim tune); scenes that differ, too: glsim compare REAL --replay SENSOR"
-            )
+            do = "fit a sensor to the first set (glsim fit), or change the stage (glsim tune)"
+            if not self.replayed:
+                do += "; scenes that differ, too: glsim compare REAL --replay SENSOR"
         return [
             f"**Told apart**, AUC (0.5 = not at all): {'; '.join(aucs)}.",
             f"**By what**, median first / second: {'; '.join(tells) or 'nothing'}.",

@@ -164,7 +164,7 @@ def compare_replay(
     if others:
         also = "; ".join(f"{other[3]}: {other[0]:.2f}" for other in others)
         sentence += f". Chosen by the AUC of surfaces, {tried[0][0]:.2f}; {also}"
-    return comparison, made, sentence
+    return replace(comparison, replayed=True), made, sentence
 
 
 def _grid(camera: Intrinsics) -> dict[str, Any]:

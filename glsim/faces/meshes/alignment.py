@@ -367,7 +367,7 @@ def _unit_of(fit: FaceFit | None, extent: float, unit: str, doubts: list[str]) -
     raise MeshError(
         f"it is of unknown scale, {extent:.4g} units across"
         f"{' (normalised)' if normalised else ''}: unit={near[-1]} gives its face the mean size; "
-        f"set unit to {' or '.join(near)}, or to what is true"
+        f"take unit={' or unit='.join(near)}, or what is true"
     )
 
 

@@ -13,7 +13,6 @@ from importlib.resources import files
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from glsim.core.seeds import rng_for
 
@@ -50,16 +49,11 @@ _TABLE = files(__package__).joinpath("parameters.toml").read_text("utf-8")
 PARAMETERS = tuple(_parameter(name, row) for name, row in tomllib.loads(_TABLE).items())
 
 
-def sample_factors(rng: np.random.Generator) -> NDArray[np.float64]:
-    """Draw a person's factors (len(FACTORS),): sex, size, fat, age, breadth and flatness."""
-    sex = 1.0 if rng.random() < 0.5 else -1.0
-    return np.array([sex, *np.clip(rng.standard_normal(len(FACTORS) - 1), -2.0, 2.5)])
-
-
 def sample_identity(seed: int, subject: str) -> dict[str, float]:
     """Draw a subject's identity: parameter -> value; a pure function of its arguments."""
     rng = rng_for(seed, "identity", subject)
-    factors = sample_factors(rng)
+    sex = 1.0 if rng.random() < 0.5 else -1.0
+    factors = np.array([sex, *np.clip(rng.standard_normal(len(FACTORS) - 1), -2.0, 2.5)])
     values = {}
     for p in PARAMETERS:
         loads = np.array(p.loads)

@@ -42,7 +42,7 @@ FRAMES_PER_SECOND: Final = 60.0  # D3DFACS and FLAME registrations; affects Face
 class Placement(TomlTable):
     """Unit and pose of one mesh or of all meshes of a folder; what is not set: the source's."""
 
-    unit: str | None = Field(None, description="as source.unit")
+    unit: str | None = Field(None, description="as source.unit", coerce_numbers_to_str=True)
     axes: str | None = Field(None, description="as source.axes")
     rotation_deg: Turns | None = Field(None, description="as source.rotation_deg")
 

@@ -98,21 +98,6 @@ def test_people_are_read_back() -> None:
         assert np.abs(alignment.origin_mm[:2]).max() < 25
 
 
-@pytest.mark.parametrize("size", [1.0, 9.7])
-def test_sizes_of_no_unit_are_refused_and_the_hints_work(size: float) -> None:
-    vertices, faces = head(0, -150.0)
-    used = vertices[np.unique(faces)]
-    mm = float(np.ptp(used, axis=0).max()) / size
-    with pytest.raises(MeshError, match="unknown scale") as caught:
-        align(vertices / mm, faces)
-    hints = re.findall(r"'([^']+)'", str(caught.value).split("set unit to")[1])
-    assert hints
-    for unit in (*hints, f"{mm:.6g}"):
-        alignment = align(vertices / mm, faces, unit=unit)
-        assert (alignment.axes, alignment.doubts) == ("+x+y+z", ())
-    assert 0.8 < float(hints[-1]) / mm < 1.25
-
-
 def test_feet_are_found_and_doubted_and_a_wrong_unit_is_answered() -> None:
     vertices, faces = head(3, -150.0)
     alignment = align(vertices / 304.8, faces)

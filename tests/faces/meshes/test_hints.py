@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from glsim.cli import main
 from glsim.core.errors import GlsimError
 from glsim.core.mesh import Mesh
 from glsim.faces.meshes.load import load_mesh
@@ -71,7 +72,7 @@ def test_a_hint_helps_the_mesh_that_was_refused(
         return
     except GlsimError as error:
         refusal = str(error)
-    units = re.findall(r"(?:unit=|set unit to |' or )'([a-z]+|[\d.e+-]+)'", refusal)
+    units = re.findall(r"unit='([a-z]+|[\d.e+-]+)'", refusal)
     hints = [{"unit": unit} for unit in dict.fromkeys(units)]
     hints += [{"axes": axes} for axes in re.findall(r"axes='([-+xyz]{6})'", refusal)]
     assert hints, refusal
@@ -80,3 +81,16 @@ def test_a_hint_helps_the_mesh_that_was_refused(
         assert loaded.alignment.axes == "+x+y+z", (refusal, change)
         size = np.ptp(loaded.mesh.vertices_mm, axis=0) / np.ptp(exported(what).vertices_mm, axis=0)
         assert 0.7 < size.min() <= size.max() < 1.4, (refusal, change)
+
+
+@pytest.mark.parametrize("what", ["head", "wall"])
+@pytest.mark.parametrize("words", ["render a.obj", "generate -o d --source folder --root ."])
+def test_a_command_names_the_options_that_work_in_it(
+    here: Path, capsys: pytest.CaptureFixture[str], words: str, what: str
+) -> None:
+    path = written(here / "a.obj", "head", 3.1)
+    if what == "wall":
+        path.write_text("v 0 0 0\nv 200 0 0\nv 0 200 0\nv 200 200 1\nf 1 2 3\nf 2 4 3\n")
+    assert main(words.split()) == 1
+    (hint, *_) = re.findall(r"--(?:set source\.)?(?:unit|axes)=[\w.+]+", capsys.readouterr().err)
+    assert main([*words.split(), *hint.split()]) == 0
