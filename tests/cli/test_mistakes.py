@@ -53,7 +53,6 @@ train fase --data data
 train face --data data --steps 0
 export data -o out --to plyy
 inspect nothing
-validate kinect-v3
 sensors kinect-v2 -o data
 stages tof_ligt
 compare data
