@@ -117,7 +117,7 @@ def test_a_plan_writes_nothing_and_counts_everything(
     [
         ((424, 512), False, "kinect-v2"),
         ((576, 640), False, "azure-kinect"),
-        ((480, 640), True, "realsense-d435-vga"),
+        ((480, 640), True, "realsense-d435"),
         ((480, 640), False, None),
     ],
 )
