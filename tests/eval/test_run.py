@@ -111,7 +111,7 @@ def test_bad_frames_are_named_counted_and_left_out(
     assert len(bad) == 5
     for frame, words in {
         "p0/s_00001": "48 x 38",
-        "p0/s_00002": "8 bits",
+        "p0/s_00002": "uint8",
         "p1/s_00000": "metres instead of millimetres",
         "p1/s_00001": "is missing",
         "p2/s_00003": "no readable image",
