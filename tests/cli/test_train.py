@@ -188,7 +188,7 @@ def test_pairs_rendered_while_training(here: Path) -> None:
     command += ["--set", "data.validation_frames=4", "--set", "training.batch=1"]
     command += ["--set", "simulate.source.subjects=60"]
     assert main([*command, "--set", "training.max_epochs=1"]) == 0
-    assert main([*command, "--resume"]) == 0
+    assert main([*command, "--resume", "--set", "training.max_epochs=2"]) == 0
     report = json.loads((here / "r" / "run.json").read_text())
     assert (report["epochs"], report["steps"]) == (2, 4)
     assert report["data"]["sensor"] == "kinect-v2"
