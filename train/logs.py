@@ -1,4 +1,4 @@
-"""Logs of a run: metrics.csv, TensorBoard's events and sample images."""
+"""Write the logs of a training: metrics.csv, events for TensorBoard, sample images."""
 
 from __future__ import annotations
 

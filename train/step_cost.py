@@ -29,7 +29,7 @@ def step_flop(recipe: Recipe) -> float:
 
 
 def step_seconds(recipe: Recipe) -> float:
-    """Time a training step on this machine, s; a large one is scaled from fewer pixels."""
+    """Time a training step on this machine, s; large images are timed as crops and scaled."""
     batch, side = recipe.training.batch, _side(recipe)
     share = batch * min(1.0, _LARGEST_FLOP / max(step_flop(recipe), 1.0))  # in frames
     frames, shrunk = max(1, int(share)), _MULTIPLE_PX * int(side * share**0.5 // _MULTIPLE_PX)

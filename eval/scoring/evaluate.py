@@ -40,7 +40,7 @@ _VERSION: Final = 4
 
 @dataclass(frozen=True)
 class ScoringProgress:
-    """Progress of scoring: numbers of finished, of all and of bad frames."""
+    """Progress of scoring: how many frames are finished, planned and bad."""
 
     done: int
     total: int

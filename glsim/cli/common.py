@@ -315,7 +315,7 @@ def _report_error(error: Exception, status: int) -> int:
 
 
 def as_typed(text: str) -> str:
-    """Restore URLs in a message, which pathlib turns into s3:/bucket, and options of meshes."""
+    """Write URLs (pathlib drops a slash) and mesh options in a message as the user types them."""
     if options.mesh_option:
         option = rf"{options.mesh_option}\1=\2"
         text = re.sub(r"(?<![\w.-])(unit|axes)='?([\w.+-]*\w)'?", option, text)

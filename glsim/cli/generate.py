@@ -157,7 +157,7 @@ def _print_poses(settings: Settings) -> None:
 
 
 def _print_empty_splits(settings: Settings, whole: GenerateSummary) -> None:
-    """Name the splits that have a share above 0 but no person, and why."""
+    """Print which splits got no person although their share is above 0, and the cause."""
     from glsim.settings.schema import SPLIT_NAMES
     from glsim.simulation.pipeline import open_sources
     from glsim.simulation.plan.tasks import make_tasks

@@ -83,7 +83,7 @@ class Rigid:
     used = np.zeros(0, np.int64)
 
     def __init__(self, shape: Shape) -> None:
-        """Store an object on the subject's head at rest."""
+        """Store the mesh of an object, placed on the subject's resting head."""
         self.points_mm = shape.vertices_mm.astype(np.float32)
 
     def place(self, _vertices_mm: Points, motion: Motion) -> Points:

@@ -46,7 +46,7 @@ class ClothGrid:
 
 @dataclass(frozen=True, eq=False)
 class ClothBody:
-    """Points on the skin of a subject at rest, all or those that a garment covers.
+    """Points on the resting skin of a subject: all of them, or those below a garment.
 
     Args:
         rest_mm: (V, 3) mm, vertices of the source.

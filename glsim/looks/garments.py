@@ -13,7 +13,7 @@ Profile = Sequence[Sequence[float]]
 
 @dataclass(frozen=True)
 class Garment:
-    """A row of garments.toml, where the words are explained; lengths in mm for a mean adult."""
+    """A garment of garments.toml, which explains the fields; lengths in mm for a mean adult."""
 
     name: str
     women: float

