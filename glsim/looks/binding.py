@@ -10,7 +10,7 @@ import numpy as np
 from glsim.core.array_types import Array, Floats, Mask, Reals, Triangles, Whole
 from glsim.core.mesh import vertex_normals
 from glsim.core.products import nearest_rotation, product
-from glsim.looks.room.shapes import Shape
+from glsim.looks.shapes import Shape
 from glsim.looks.skin_grid import Anchors, SkinGrid, point_normals
 
 Points = Floats

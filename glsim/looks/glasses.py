@@ -7,10 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from glsim.core.array_types import Array, Floats, Mask, Reals
+from glsim.core.array_types import Floats, Mask, Reals
 from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy, beside_line
-from glsim.looks.room.shapes import Shape, joined
+from glsim.looks.shapes import Shape, joined, tube
 
 _SIDES: Final = 28  # corners of a rim
 #: Distance from the cornea to the back of a lens, mm: opticians fit 12 to 14 mm.
@@ -97,34 +97,6 @@ def _temple(anatomy: Anatomy, skin: Reals, hinge: Reals, side: float) -> Reals:
     line[1:, 0] = np.where(np.isfinite(half), side * (half + 2.5), line[1:, 0])  # out of the skin
     line[1:, 0] = np.convolve(np.pad(line[1:, 0], 1, mode="edge"), [0.25, 0.5, 0.25], "valid")
     return line
-
-
-def tube(line: Reals, wide: float, deep: float, *, closed: bool) -> Shape:
-    """Make a four-sided tube along a line, ``wide`` by ``deep`` mm."""
-    count = len(line)
-    around = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
-    along = around if closed else np.asarray(np.gradient(line, axis=0))
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    first: Reals = np.cross(along, np.array([0.0, 0.0, 1.0]))
-    level = np.linalg.norm(first, axis=1, keepdims=True) < 0.5  # lines along z, such as temples
-    first = np.where(level, np.array([0.0, 1.0, 0.0]), first)
-    first -= (first * along).sum(axis=1, keepdims=True) * along
-    first /= np.linalg.norm(first, axis=1, keepdims=True)
-    second = np.cross(along, first)
-    corners = ((1, 1), (-1, 1), (-1, -1), (1, -1))
-    rings: Array = np.stack(
-        [line + 0.5 * (u * wide * first + v * deep * second) for u, v in corners], axis=1
-    )
-    index = np.arange(count * 4).reshape(count, 4)
-    after = np.roll(index, -1, axis=0) if closed else index[1:]
-    here = index if closed else index[:-1]
-    faces = []
-    for k in range(4):
-        p, q, r, s = here[:, k], here[:, (k + 1) % 4], after[:, (k + 1) % 4], after[:, k]
-        faces += [np.stack([p, q, r], 1), np.stack([p, r, s], 1)]
-    for quad in () if closed else (index[0, ::-1], index[-1]):
-        faces += [quad[[0, 1, 2]][None], quad[[0, 2, 3]][None]]
-    return Shape(rings.reshape(-1, 3), np.concatenate(faces))
 
 
 def _lens(ring: Reals, side: float, share: float, rng: np.random.Generator) -> Shape:

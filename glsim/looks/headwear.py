@@ -12,10 +12,9 @@ from glsim.core.array_types import Floats, Reals
 from glsim.core.products import units
 from glsim.core.seeds import keyed_rng
 from glsim.looks.anatomy import Anatomy, beside_line
-from glsim.looks.glasses import tube
 from glsim.looks.locks import hull_mm
 from glsim.looks.noise import smooth_noise, smooth_step
-from glsim.looks.room.shapes import Shape, joined
+from glsim.looks.shapes import Shape, joined, tube
 from glsim.looks.skin_grid import grid_triangles
 from glsim.looks.styles import HairStyle
 

@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from glsim.looks.room.furniture import catalogue, coat, curtain, make_seat, make_thing
-from glsim.looks.room.shapes import Shape, bounds_mm, box, mirrored, rod, turned_body
+from glsim.looks.shapes import Shape, bounds_mm, box, mirrored, rod, turned_body
 
 CLOSED = {
     "box": (box((100, 200, 300)), 100 * 200 * 300, 1e-9),

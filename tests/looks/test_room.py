@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glsim.looks.room.room import RoomNumbers, build_room
-from glsim.looks.room.shapes import bounds_mm
+from glsim.looks.shapes import bounds_mm
 
 NUMBERS = RoomNumbers(
     kind="office", seed=5, behind_mm=2000.0, width_mm=4000.0, height_mm=2500.0, turn_deg=25.0,

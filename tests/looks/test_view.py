@@ -11,7 +11,6 @@ from glsim.core.mesh import Mesh
 from glsim.core.pose import pose_matrix
 from glsim.gl.targets import Readback
 from glsim.looks.room.room import build_room
-from glsim.looks.room.shapes import box, plate
 from glsim.looks.room.view import (
     camera_place,
     camera_tilt_deg,
@@ -20,6 +19,7 @@ from glsim.looks.room.view import (
     visible_mesh,
     visible_part,
 )
+from glsim.looks.shapes import box, plate
 from glsim.render.renderer import Renderer
 from tests.looks.test_room import NUMBERS
 from tests.support.scenes import V2

@@ -6,7 +6,7 @@ import numpy as np
 
 from glsim.core.mesh import Mesh
 from glsim.faces.face_source import Face, FaceKey, FaceSource, Topology
-from glsim.looks.room.shapes import box
+from glsim.looks.shapes import box
 
 #: Height of the face above the floor, mm.
 FACE_MM = 1600.0

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from glsim.looks.room.shapes import (
+from glsim.looks.shapes import (
     Points,
     Shape,
     bounds_mm,

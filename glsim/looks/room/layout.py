@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from glsim.looks.room.furniture import catalogue, choose, coat, curtain, make_thing, sample_albedo
-from glsim.looks.room.shapes import Shape, bounds_mm, box, moved, plate, rod
+from glsim.looks.shapes import Shape, bounds_mm, box, moved, plate, rod
 
 Rng = np.random.Generator
 #: Left end, right end and top of a piece of furniture at a wall, mm.

@@ -9,7 +9,7 @@ import numpy as np
 from glsim.core.seeds import pcg_rng
 from glsim.looks.room import layout
 from glsim.looks.room.furniture import make_seat, sample_albedo
-from glsim.looks.room.shapes import Shape, moved, plate, turned
+from glsim.looks.shapes import Shape, moved, plate, turned
 
 Rng = np.random.Generator
 

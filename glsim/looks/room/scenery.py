@@ -21,8 +21,8 @@ from glsim.core.products import product
 from glsim.core.units import MM_PER_M
 from glsim.faces.face_source import Face
 from glsim.looks.room.room import RoomNumbers, build_room
-from glsim.looks.room.shapes import Shape
 from glsim.looks.room.view import camera_place, camera_tilt_deg, room_view, visible_mesh
+from glsim.looks.shapes import Shape
 from glsim.settings.distribution import Distribution, ScopeSeeds
 from glsim.settings.schema import PoseSettings, SceneSettings
 

@@ -14,7 +14,7 @@ from glsim.core.pose import pose_matrix
 from glsim.core.products import product
 from glsim.core.rect import Rect
 from glsim.core.units import MM_PER_M, to_mm
-from glsim.looks.room.shapes import Points, Shape, without_slivers
+from glsim.looks.shapes import Points, Shape, without_slivers
 
 #: Margin around the view, in tangents. Objects inside it are kept, since they may cast a shadow
 #: into the view: emitters of the shipped sensors are up to 75 mm beside the lens.

@@ -1,4 +1,4 @@
-"""Shapes of furniture and walls: rounded boxes, bodies of revolution, rods, sheets and plates.
+"""Shapes of things: rounded boxes, bodies of revolution, rods, tubes, sheets and plates.
 
 Axes are those of the canonical face frame: millimetres, +x to the right in the image, +y up, +z
 towards the camera. All triangles are counter-clockwise seen from outside.
@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from glsim.core.array_types import Array, Triangles
+from glsim.core.array_types import Array, Reals, Triangles
 from glsim.core.products import norm, product
 from glsim.looks.skin_grid import grid_triangles
 
@@ -177,3 +177,31 @@ def plate(corners_mm: ArrayLike, albedo: float = 0.8, *, region: str = "furnitur
     points = np.asarray(corners_mm, np.float64)
     fan = np.array([[0, n, n + 1] for n in range(1, len(points) - 1)], np.int32)
     return Shape(points, fan, albedo, region)
+
+
+def tube(line: Reals, wide: float, deep: float, *, closed: bool) -> Shape:
+    """Make a four-sided tube along a line, ``wide`` by ``deep`` mm."""
+    count = len(line)
+    around = np.roll(line, -1, axis=0) - np.roll(line, 1, axis=0)
+    along = around if closed else np.asarray(np.gradient(line, axis=0))
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    first: Reals = np.cross(along, np.array([0.0, 0.0, 1.0]))
+    level = np.linalg.norm(first, axis=1, keepdims=True) < 0.5  # lines along z, such as temples
+    first = np.where(level, np.array([0.0, 1.0, 0.0]), first)
+    first -= (first * along).sum(axis=1, keepdims=True) * along
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(along, first)
+    corners = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+    rings: Array = np.stack(
+        [line + 0.5 * (u * wide * first + v * deep * second) for u, v in corners], axis=1
+    )
+    index = np.arange(count * 4).reshape(count, 4)
+    after = np.roll(index, -1, axis=0) if closed else index[1:]
+    here = index if closed else index[:-1]
+    faces = []
+    for k in range(4):
+        p, q, r, s = here[:, k], here[:, (k + 1) % 4], after[:, (k + 1) % 4], after[:, k]
+        faces += [np.stack([p, q, r], 1), np.stack([p, r, s], 1)]
+    for quad in () if closed else (index[0, ::-1], index[-1]):
+        faces += [quad[[0, 1, 2]][None], quad[[0, 2, 3]][None]]
+    return Shape(rings.reshape(-1, 3), np.concatenate(faces))
