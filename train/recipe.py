@@ -200,7 +200,7 @@ def recipe_names() -> list[str]:
 def load_recipe(
     recipe: str, assignments: Iterable[str] = (), overrides: Mapping[str, Any] | None = None
 ) -> Recipe:
-    """Load a recipe by its name or by the path of its TOML file.
+    """Load a recipe by its name, or by the path of its TOML file or of a run's recipe.json.
 
     ``assignments`` are texts, ``table.key=value``; ``overrides``, tables, come after them. [model]
     and [loss] are checked when they are built. Raises ConfigError for an unknown recipe, an
@@ -235,7 +235,7 @@ def merge_kinds(tree: dict[str, Any], over: Mapping[str, Any]) -> None:
 
 
 def _recipe_file(recipe: str, folder: Path) -> Path:
-    if recipe.endswith(".toml"):
+    if recipe.endswith((".toml", ".json")):
         return folder / recipe
     file = RECIPE_FOLDER / f"{recipe}.toml"
     if not file.is_file():
@@ -247,7 +247,7 @@ def _recipe_file(recipe: str, folder: Path) -> Path:
 
 
 def _read_tree(file: Path, depth: int) -> dict[str, Any]:
-    tree = read_toml(file)
+    tree = read_json(file) if file.name == RECIPE_FILE else read_toml(file)
     base = tree.pop("extends", None)
     if base is None:
         return tree

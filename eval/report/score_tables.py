@@ -275,7 +275,7 @@ def _remarks(evaluation: Evaluation, table: ResultTable) -> list[str]:
         for (missing, methods), names in undefined.items()
     ]
     if evaluation.bad:
-        lines.append(f"{evaluation.bad} frames could not be scored (bad.csv), the first of them:")
+        lines.append(f"{evaluation.bad} frames could not be scored (bad.csv), by cause:")
         lines += list(evaluation.first_bad)
     return lines
 

@@ -14,6 +14,7 @@ import hashlib
 import io
 import itertools
 import json
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -187,9 +188,10 @@ def _collect(
         write_csv(out / "bad.csv", ("frame", "why"), bad)
     else:
         (out / "bad.csv").unlink(missing_ok=True)
-    first = tuple(f"{frame}: {why}" for frame, why in bad[:10])
+    counts, named = Counter(why for _, why in bad), {why: frame for frame, why in reversed(bad)}
+    first = tuple(f"{named[why]}: {why} ({n} such)" for why, n in counts.most_common(10))
     if not summary.methods:
-        raise DatasetError(f"no frame could be scored, {len(bad)} are bad; the first: {first[0]}")
+        raise DatasetError(f"no frame could be scored: {first[0]}")
     return Evaluation(summary, baselines, total, len({frame for frame, _ in bad}), first)
 
 

@@ -25,7 +25,7 @@ import typer
 from rich.console import Console
 from typer.core import TyperCommand
 
-from glsim.core.errors import ConfigError, GlsimError, one_line, require_package
+from glsim.core.errors import ConfigError, GlsimError, one_line, require_package, with_mesh_option
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -153,12 +153,10 @@ def epilog(command: str) -> str:
 SensorOption = Annotated[
     str | None,
     typer.Option(
-        "--sensor",
-        "-s",
-        autocompletion=SENSORS,
+        "--sensor", "-s", autocompletion=SENSORS,
         help="A sensor (glsim sensors) or a .toml file. Default: kinect-v2.",
     ),
-]
+]  # fmt: skip
 SetOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -185,11 +183,10 @@ ConfigOption = Annotated[
 PresetOption = Annotated[
     str | None,
     typer.Option(
-        "--preset",
-        autocompletion=PRESETS,
+        "--preset", autocompletion=PRESETS,
         help="Start from shipped settings (glsim presets). Default: none.",
     ),
-]
+]  # fmt: skip
 WorkersOption = Annotated[
     str, typer.Option(help="Number of worker processes; auto starts one per core.")
 ]
@@ -280,7 +277,7 @@ def _option_advice(error: typer.TyperException, arguments: list[str]) -> str | N
     from glsim.settings.toml_tables import flattened
 
     tree = flattened(Settings().model_dump(mode="json"))
-    names = (name.replace(".0.", ".").removesuffix(".constant") for name in tree)
+    names = (name.removesuffix(".constant") for name in tree)
     wanted = option.removeprefix("--").replace("-", "_")
     named = [name for name in names if name.split(".")[-1] == wanted]
     words = [*" ".join(arguments).partition(option)[2].replace("=", " ", 1).split(), "VALUE"]
@@ -317,8 +314,7 @@ def _report_error(error: Exception, status: int) -> int:
 def as_typed(text: str) -> str:
     """Write URLs (pathlib drops a slash) and mesh options in a message as the user types them."""
     if options.mesh_option:
-        option = rf"{options.mesh_option}\1=\2"
-        text = re.sub(r"(?<![\w.-])(unit|axes)='?([\w.+-]*\w)'?", option, text)
+        text = with_mesh_option(text, options.mesh_option)
     return re.sub(r"\b(s3a?|gs|gcs|az|abfss?):/(?=[^/\s])", r"\1://", text)
 
 

@@ -167,7 +167,7 @@ def _print_empty_splits(settings: Settings, whole: GenerateSummary) -> None:
     shares = zip(SPLIT_NAMES, settings.split, strict=True)
     if empty := [name for name, share in shares if share > 0 and not whole.frames[name]]:
         planned = {person.split for person in make_tasks(settings, open_sources(settings)).people()}
-        few = f"{sum(whole.subjects.values())} people are too few for this split"
+        few = f"people in all: {sum(whole.subjects.values())}, too few for this split"
         for why in (few, "all frames of their people were skipped"):
             if names := [name for name in empty if (name in planned) is (why != few)]:
                 print_message(f"nobody is in {' and '.join(names)}: {why}: add people")

@@ -12,6 +12,7 @@ from glsim.cli.common import (
     BackendOption,
     JsonOption,
     RotationOption,
+    as_typed,
     make_console,
     print_json,
     print_written,
@@ -189,7 +190,7 @@ def _print(report: FaceSetReport) -> None:
         out.print(f"  {count}: {how}")
     out.print("problems:" if report.problems else "no problems")
     for why, count in report.problems.most_common(_PROBLEMS):
-        out.print(f"  {count}: {why}")
+        out.print(as_typed(f"  {count}: {why}"))
 
 
 def _range(pair: tuple[int, int]) -> str:

@@ -33,13 +33,10 @@ def _bar(title: str, note: str) -> Iterator[Callable[..., None] | None]:
     from rich import progress
 
     bar = progress.Progress(
-        progress.TextColumn("{task.description}", markup=False),
-        progress.BarColumn(),
-        progress.MofNCompleteColumn(),
-        progress.TextColumn(note),
-        progress.TimeRemainingColumn(),
+        progress.TextColumn("{task.description}", markup=False), progress.BarColumn(),
+        progress.MofNCompleteColumn(), progress.TextColumn(note), progress.TimeRemainingColumn(),
         console=console,
-    )
+    )  # fmt: skip
     task = bar.add_task(title, total=None, rate="", number=0)
 
     def update(done: int, total: int, **fields: Any) -> None:
@@ -113,7 +110,7 @@ def print_summary(summary: GenerateSummary, out: Path | str) -> None:
             f"{summary.bytes / 1e6:.1f} MB"
         )
     for why, count in sorted(summary.skipped.items(), key=lambda item: -item[1])[:10]:
-        console.print(as_typed(f"skipped {count}: {why}"), style="yellow")
+        console.print(as_typed(f"skipped {count}: {why}"), style="yellow", soft_wrap=True)
     for note in summary.notes:
         print_message(note)
     if not sum(summary.frames.values()):

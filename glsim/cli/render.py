@@ -75,5 +75,5 @@ def render(
         sheet = contact_sheet([frame.measured(rounded=False)], f"{face.name}, {settings.sensor}")
         write_picture(sheet, preview)
         print_written([*paths, preview])
-        valid = int((frame.noisy_m > 0).sum())
-        print_message(f"{int((frame.clean_m > 0).sum())} pixels of surface, {valid} measured")
+        surface, valid = (int((map_m > 0).sum()) for map_m in (frame.clean_m, frame.noisy_m))
+        print_message(f"surface in {surface} pixels, depth measured in {valid}")

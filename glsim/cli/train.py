@@ -44,7 +44,7 @@ def train(
     """Train a denoiser; write checkpoints, metrics.csv, TensorBoard events and sample images.
 
     Args:
-        recipe: A shipped recipe, or a .toml file.
+        recipe: A shipped recipe, or a .toml file. With --resume and -o: by default the folder's.
         data: A data set of glsim generate: a folder, or a URL such as s3://bucket/faces.
             Repeatable; data sets are joined.
         simulate: Render pairs during training instead of reading a data set.
@@ -65,22 +65,21 @@ def train(
     from glsim.core.depth_protocol import check_protocol
     from glsim.data.header import is_dataset
     from glsim.settings.toml_tables import flattened, toml_value
-    from glsim.train.recipe import assignments_of, load_recipe
+    from glsim.train.recipe import RECIPE_FILE, assignments_of, load_recipe
 
     if list_recipes:
         _print_list()
         return
+    if recipe is None and resume and out is not None and (out / RECIPE_FILE).is_file():
+        recipe = str(out / RECIPE_FILE)
     if recipe is None:
         raise ConfigError("give a recipe: a name of glsim train --list, or a .toml file")
     if bool(data) == simulate:
         raise ConfigError("give --data DIR or --simulate, one of the two")
     over = overrides(
-        seed=seed,
-        training__max_minutes=minutes,
-        training__max_steps=steps,
-        training__start=None if start is None else str(start),
-        data__protocol=check_protocol(protocol),
-    )
+        seed=seed, training__max_minutes=minutes, training__max_steps=steps,
+        training__start=start and str(start), data__protocol=check_protocol(protocol),
+    )  # fmt: skip
     folder = out if out is not None else Path("runs") / Path(recipe).stem
     given = [*(assignment or ()), *(f"{n}={toml_value(v)}" for n, v in flattened(over).items())]
     named = {text.partition("=")[0].strip() for text in given}
@@ -138,11 +137,9 @@ def training_progress(title: str) -> Iterator[Callable[[StepStatus], None] | Non
     from rich import progress
 
     columns = (
-        progress.TextColumn("{task.description}"),
-        progress.BarColumn(20),
-        progress.TextColumn("{task.fields[text]}"),
-        progress.TimeElapsedColumn(),
-    )
+        progress.TextColumn("{task.description}"), progress.BarColumn(20),
+        progress.TextColumn("{task.fields[text]}"), progress.TimeElapsedColumn(),
+    )  # fmt: skip
     with progress.Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as shown:
@@ -177,7 +174,7 @@ def _print_result(report: dict[str, Any], folder: Path) -> None:
     else:
         later = "" if best["step"] else "; best.pt comes with the first validation"
         print_message(
-            f"stopped after step {report['steps']}: saved in {folder}, go on by the same recipe, "
+            f"stopped after step {report['steps']}: saved in {folder}, go on by the same "
             f"--data, -o and --resume{later}"
         )
 

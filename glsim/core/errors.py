@@ -86,6 +86,11 @@ def one_line(error: BaseException) -> str:
         return "an exception whose text fails"
 
 
+def with_mesh_option(text: str, before: str) -> str:
+    """Write the unit=... and axes=... of a message of ``load_mesh`` as typed after ``before``."""
+    return re.sub(r"(?<![\w.-])(unit|axes)='?([\w.+-]*\w)'?", rf"{before}\1=\2", text)
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return the end of an "unknown name" message: similar names or, if there are none, all.
 

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from isal import isal_zlib
 
-from glsim.core.errors import DatasetError
+from glsim.core.errors import DatasetError, with_mesh_option
 from glsim.core.files.atomic import to_json
 from glsim.data.record_schema import parse_summary
 from glsim.simulation.frame import Frame, Skipped
@@ -70,7 +70,8 @@ def frame_record(task: Task, frame: Frame, files: Mapping[str, Mapping[str, obje
 
 def skipped_record(task: Task, skipped: Skipped) -> Record:
     """Return the record of a frame that could not be made, with the reason."""
-    return _task_fields(task, skipped.source) | {"why": skipped.why}
+    why = with_mesh_option(skipped.why, "--set source.")
+    return _task_fields(task, skipped.source) | {"why": why}
 
 
 def metadata_row(record: Record) -> Record:

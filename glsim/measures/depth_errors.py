@@ -61,6 +61,7 @@ def noise_table(frames: Iterable[DepthFrame], sensor: str) -> str:
     surface = sums[:, 0].sum() + lost_px
     rows = [
         ("sensor", sensor), ("frames measured", f"{number}"),
+        ("errors and shares", "over the pixels of all frames together"),
         ("surface pixels per frame", f"{surface / number:.0f}"),
         ("noisy - clean inside surfaces", f"mean {bias[0]:+.2f} mm, rms {rms[0]:.2f} mm"),
         (f"within {BAND_PX} px of rims and holes", f"mean {bias[1]:+.2f} mm, rms {rms[1]:.2f} mm"),

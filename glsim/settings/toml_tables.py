@@ -144,7 +144,7 @@ def first_problem(model: type[BaseModel], error: ValidationError) -> tuple[list[
     """Return the path of the first problem, misspelt names first, and a one-line message."""
     problem = min(error.errors(), key=lambda p: p["type"] not in _UNKNOWN)
     path = [part for part in map(str, problem["loc"]) if not part.startswith(_INTERNAL)]
-    name = ".".join(path)
+    name = ".".join(path).replace("source.0.", "source.")
     if problem["type"] in _UNKNOWN:
         known = problem.get("ctx", {}).get("known") or _fields_at(model, path[:-1])
         return path, f"no such setting {name!r} ({did_you_mean(path[-1], known)})"
@@ -171,7 +171,7 @@ def flattened(tree: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     flat: dict[str, Any] = {}
     for key, value in tree.items():
         if isinstance(value, list) and any(isinstance(entry, dict) for entry in value):
-            value = dict(enumerate(value))
+            value = dict(enumerate(value)) if len(value) > 1 else value[0]  # as --set names it
         name = f"{prefix}{key}"
         flat |= flattened(value, f"{name}.") if isinstance(value, Mapping) else {name: value}
     return flat

@@ -155,7 +155,7 @@ def test_ctrl_c_is_kept_and_resumed(
     assert "--resume" in fails(capsys, 1, *command[1:], "-o", "parts")
     other = (*command[1:4], "-o", "parts", "--resume", "--set", "loss.beta_mm=3.0")
     assert "loss.beta_mm is 2.0, not 3.0" in fails(capsys, 1, *other)
-    assert main([*command[:4], "-o", "parts", "--resume"]) == 0
+    assert main(["train", *command[2:4], "-o", "parts", "--resume"]) == 0  # the folder's recipe
     assert "parts: goes on with loss.beta_mm=2.0" in capsys.readouterr().err
     whole, parts = (checkpoint.load(here / run / "best.pt")["model"] for run in ("whole", "parts"))
     assert all(torch.equal(weight, parts[name]) for name, weight in whole.items())

@@ -77,7 +77,7 @@ def test_a_part_counts_its_own_frames_only(tmp_path: Path) -> None:
     assert sum(part.skipped for part in parts) == 22
     assert [part.rendered for part in parts] == [part.frames + part.skipped for part in parts]
     assert states[-1].done == states[-1].total == parts[1].rendered
-    assert parts[1].dataset.skipped == {"no triangles": 22}
+    assert parts[1].dataset.skipped == {"no face: try --set source.unit=cm": 22}
 
 
 SCRIPT = """

@@ -214,7 +214,7 @@ def test_another_data_set_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyP
     for changes, message in (
         ({"output": {"crop": 128}}, r"was begun with output.crop = null, not 128"),
         ({"pose": {"yaw_deg": 3}}, r"pose.yaw_deg.constant = 0.0, not 3.0"),
-        ({"source": {"subjects": 3}}, r"source.0.subjects = (null|10), not 3"),
+        ({"source": {"subjects": 3}}, r"source.subjects = (null|10), not 3"),
     ):
         with pytest.raises(ConfigError, match=message):
             make(tmp_path, load_settings(overrides=changes))

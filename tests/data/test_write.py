@@ -93,9 +93,9 @@ def test_header(made) -> None:
 def test_skipped_frames_are_recorded_and_counted(made) -> None:
     out, _, summary = made
     lines = [json.loads(line) for line in (out / "skipped.jsonl").read_text().splitlines()]
-    assert summary.skipped == {"no triangles": 22}
+    assert summary.skipped == {"no face: try --set source.unit=cm": 22}
     assert {line["index"] for line in lines} == {i for i in range(160) if i % 7 == 6}
-    assert lines[0]["why"] == "no triangles"
+    assert lines[0]["why"] == "no face: try --set source.unit=cm"
     assert {"subject", "sequence", "frame", "split"} <= lines[0].keys()
     assert not (out / "train" / "s000" / "smile.1_00006_clean.png").exists()
 
@@ -118,7 +118,7 @@ def test_a_frame_with_a_depth_beyond_16_bits_is_skipped(tmp_path: Path, format: 
 @pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_strict_stops_at_the_first_skipped_frame(tmp_path: Path, workers: int) -> None:
     settings = make_settings().model_copy(update={"strict": True})
-    with pytest.raises(MeshError, match=r"train/s00\d/smile\.1_\d+: no triangles"):
+    with pytest.raises(MeshError, match=r"train/s00\d/smile\.1_\d+: no face"):
         make(tmp_path, settings, workers=workers, skip_every=7)
     make(tmp_path, make_settings(), skip_every=7)
     assert verify(tmp_path, deep=True) == []

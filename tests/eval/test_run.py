@@ -134,7 +134,7 @@ def test_a_denoiser_that_fails_costs_its_own_rows(pairs: Path, here: Path) -> No
     )
     found = run(pairs, here / "o", "noisy", "moody:moody")
     assert 0 < found.bad < 12
-    assert any("ValueError: not today" in text for text in found.first_bad)
+    assert sum("ValueError: not today" in text for text in found.first_bad) == 1, "a line a cause"
     methods = [row["method"] for row in rows(here / "o")]
     assert methods.count("noisy") == 12
     assert methods.count("moody:moody") == 12 - found.bad
@@ -160,7 +160,7 @@ def test_what_cannot_be_scored_at_all(pairs: Path, tmp_path: Path) -> None:
     for file in others:
         file.unlink()
     first.rename(first.with_name("alone_noisy.png"))
-    with pytest.raises(DatasetError, match=r"no frame could be scored, 13 are bad; .* is missing"):
+    with pytest.raises(DatasetError, match=r"no frame could be scored: .* is missing"):
         run(pairs, tmp_path / "o", "noisy")
     first.with_name("alone_noisy.png").unlink()
     with pytest.raises(DatasetError, match="frames of a camera: glsim eval-real"):

@@ -70,7 +70,7 @@ FANKHAUSER = ["--sensor", "kinect-v2-fankhauser"]
         (["--set", "rig.far_m=8000"], ["(got 8000): millimetres meant? 8"]),
         (["--sensor", "apart.toml"], ["imager.0.position_m.0", "millimetres meant? 0.05"]),
         (["--set", "pose.yaw_deg=400"], ["yaw_deg may be 400, but must lie in [-360, 360]"]),
-        (["--source", "proceduarl"], ["source.0.kind: 'proceduarl'", "'procedural'"]),
+        (["--source", "proceduarl"], ["source.kind: 'proceduarl'", "'procedural'"]),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) and value[0][0] == "-" else "",
 )

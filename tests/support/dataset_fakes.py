@@ -104,7 +104,7 @@ def fake_frames(
             if any(fault.kind == "lose" and fault.strikes(task.index) for fault in faults):
                 continue
             if skip_every and task.index % skip_every == skip_every - 1:
-                yield Skipped(task.key, "fake", "no triangles")
+                yield Skipped(task.key, "fake", "no face: try unit='cm'")
             else:
                 yield fake_frame(task, settings.output.depth_unit_mm)
 

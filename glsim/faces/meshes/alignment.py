@@ -279,7 +279,7 @@ def _lengths(size: float, unit: str) -> list[list[float]]:
         if MIN_HEAD_MM <= size * length <= MAX_SCENE_MM:
             return [[length]]
         raise MeshError(
-            f"with unit={unit} it is {size * length:.4g} mm across, and should be "
+            f"with unit={unit} it is {size * length:,.0f} mm across, and should be "
             f"{MIN_HEAD_MM:.0f} to {MAX_SCENE_MM:.0f} mm; try unit='auto' or another unit"
         )
     metric = [UNITS_MM[name] for name in DETECTED_UNITS]
