@@ -101,20 +101,20 @@ def possible_modes(
     found += _registered(sensor, image, focal, by_lattice)
     if found:
         return tuple(found)
-    sizes = {mode[:2] for mode in sensor.modes}
-    nearest = min((f for *_, f in sensor.modes), key=lambda f: _apart(f, by_lattice or f))
+    same = [mode for mode in sensor.modes if mode[:2] == size]
+    nearest = min((f for *_, f in same or sensor.modes), key=lambda f: _apart(f, by_lattice or f))
     # Frames may be a crop of a mode: no mode's size, and its focal length.
-    crop = size not in sizes and _apart(nearest, by_lattice or nearest) < _ALIKE
+    crop = not same and _apart(nearest, by_lattice or nearest) < _ALIKE
     if by_lattice and not (crop and _apart(focal or by_lattice, by_lattice) < _SAME):
         baseline_mm = MM_PER_M * rig.baseline_m
         says = f", the files say {focal:.0f}" if focal else ""
         raise ConfigError(
             f"{frames.title}: focal length times baseline of its depths is "
             f"{by_lattice * baseline_mm:,.0f} px mm. With {baseline_mm:.1f} mm, as {sensor.name} "
-            f"has, the focal length is {by_lattice:.0f} px{says}; the nearest mode of that camera "
-            f"has {nearest:.0f} px: another camera made these frames"
+            f"has, the focal length is {by_lattice:.0f} px{says}; its nearest mode "
+            f"{'of this size ' if same else ''}has {nearest:.0f} px: another camera's frames"
         )
-    if lattice is None and steps and size not in sizes:
+    if lattice is None and steps and not same:
         depths = distinct_values((f.measured_mm for f in frames), unit)
         if depths.size > _MANY_DEPTHS:
             raise ConfigError(

@@ -62,6 +62,7 @@ def test_modes(
         (ramp((848, 480), 433.1 * D455, 433.1), "realsense-d435", "another camera"),
         (ramp((640, 360), 326.9 * D455, 326.9), "realsense-d435", "another camera"),
         (ramp((640, 480), 390.4 * D435, 390.4), "kinect-v2", "measures the time of flight"),
+        (ramp((640, 480), 390.4 * D435, 390.4), "realsense-d415", "of this size has 629 px"),
         (
             ramp((512, 424), 1.0, 365.0, 0),
             "realsense-d435",
