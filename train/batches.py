@@ -15,7 +15,7 @@ import torch
 from lightning_fabric import Fabric
 from torch.utils.data import ConcatDataset, DataLoader, Dataset, Sampler, Subset, TensorDataset
 
-from glsim.core.errors import ConfigError
+from glsim.core.errors import ConfigError, counted
 from glsim.settings.schema import Settings, load_settings
 from glsim.train.data.checks import entries_of, fingerprint
 from glsim.train.data.simulated import SimulatedPairs, randomised
@@ -56,7 +56,7 @@ class EpochSampler(Sampler[list[int]]):
         """Prepare the sampler. Raises ConfigError if there is no whole batch."""
         if count < batch:
             raise ConfigError(
-                f"training.batch = {batch}, but there are {count} pairs to train on: set a "
+                f"training.batch = {batch}, but the data set has {counted(count, 'pair')}: set a "
                 "smaller batch (--set training.batch=1), or generate more pairs"
             )
         self._count, self._batch, self._seed = count, batch, seed * SEED_STRIDE

@@ -182,7 +182,7 @@ def _score(
     job = ScoringJob(data, "test", plan.denoisers if runs else (), protocol=protocol)
 
     def run() -> None:
-        with runner.displays.scoring("scoring") as progress:
+        with runner.displays.frames("scoring") as progress:
             score_tables(
                 job, folder, tables, runs, size=f", {plan.size}",
                 figures=plan.report and runs is not None, workers=runner.workers, progress=progress,

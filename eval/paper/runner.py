@@ -32,8 +32,7 @@ _Show = AbstractContextManager[Callable[[Any], None] | None]
 class Displays:
     """Context managers that show progress and detect signals; the default shows nothing."""
 
-    generation: Callable[[], _Show] = nullcontext
-    scoring: Callable[[str], _Show] = lambda _: nullcontext()
+    frames: Callable[[str], _Show] = lambda _: nullcontext()
     training: Callable[[str], _Show] = lambda _: nullcontext()
     stopping: Callable[[], AbstractContextManager[Callable[[], bool]]] = lambda: nullcontext(
         lambda: False
@@ -90,7 +89,7 @@ class Runner:
         """Generate a data set. Raises DatasetError if no frame could be made."""
 
         def run() -> None:
-            with self.displays.generation() as progress:
+            with self.displays.frames("") as progress:
                 summary = generate(settings, folder, workers=self.workers, progress=progress)
             if not sum(summary.frames.values()):
                 raise DatasetError(f"{folder}: no frame could be made, see skipped.jsonl there")

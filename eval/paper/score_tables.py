@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from glsim.core.errors import ConfigError
+from glsim.data.progress import FrameProgress
 from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.paper.data_note import run_note
 from glsim.eval.paper.paper_tables import PAPER_ROWS, paper_table
@@ -14,7 +15,7 @@ from glsim.eval.report.document import Document
 from glsim.eval.report.score_denoisers import score_denoisers
 from glsim.eval.report.score_tables import ResultTable
 from glsim.eval.scoring.blocks import ScoringJob
-from glsim.eval.scoring.evaluate import Evaluation, ScoringProgress
+from glsim.eval.scoring.evaluate import Evaluation
 from glsim.eval.scoring.trained_networks import find_trained_runs
 
 
@@ -27,7 +28,7 @@ def score_tables(
     size: str = "",
     figures: bool = True,
     workers: int = 1,
-    progress: Callable[[ScoringProgress], None] | None = None,
+    progress: Callable[[FrameProgress], None] | None = None,
 ) -> tuple[list[Path], list[str]]:
     """Score the paper's filters, denoisers and trained networks; write the paper's tables as well.
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from glsim.core.errors import ConfigError, DenoiserError
+from glsim.data.progress import FrameProgress
 from glsim.data.worker_processes import available_workers, run_tasks
 from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.registry import GRIDS, load_denoiser, tuning_specs
@@ -16,7 +17,7 @@ from glsim.eval.real_frames.frame_truth import FrameTruth
 from glsim.eval.real_frames.halves import Source, SplitRecording, split_recording
 from glsim.eval.real_frames.totals import RealScores, ScoredFrame, add_up
 from glsim.eval.scoring.blocks import labelled, warned_already
-from glsim.eval.scoring.evaluate import ScoringProgress, load_methods
+from glsim.eval.scoring.evaluate import load_methods
 
 #: Label of the first row, the raw frames.
 RAW = "raw"
@@ -71,7 +72,7 @@ def score_recording(
     *,
     scoring_half: bool = False,
     workers: int | None = None,
-    progress: Callable[[ScoringProgress], None] | None = None,
+    progress: Callable[[FrameProgress], None] | None = None,
 ) -> RealScores:
     """Score denoisers and the raw frames on a recording.
 
@@ -93,7 +94,7 @@ def tune_on_pairs(
     names: Sequence[str] | None = None,
     *,
     workers: int | None = None,
-    progress: Callable[[ScoringProgress], None] | None = None,
+    progress: Callable[[FrameProgress], None] | None = None,
 ) -> tuple[list[str], RealScores]:
     """Choose the filter settings with the best ``pair_change`` on the tuning half of the recording.
 
@@ -125,7 +126,7 @@ def run_frames(
     job: RealJob,
     numbers: Sequence[int],
     workers: int | None,
-    progress: Callable[[ScoringProgress], None] | None,
+    progress: Callable[[FrameProgress], None] | None,
 ) -> list[ScoredFrame]:
     """Score frames in worker processes; return the scores in order."""
     frames = []
@@ -133,5 +134,5 @@ def run_frames(
     for frame in run_tasks(job, numbers, processes):
         frames.append(frame)
         if progress is not None:
-            progress(ScoringProgress(len(frames), len(numbers), 0))
+            progress(FrameProgress(len(frames), len(numbers), 0))
     return sorted(frames, key=lambda frame: frame.number)

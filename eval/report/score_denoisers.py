@@ -7,12 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from glsim.core.errors import DatasetError, DenoiserError
+from glsim.data.progress import FrameProgress
 from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.report.document import Document
 from glsim.eval.report.results import write_results
 from glsim.eval.report.score_tables import ResultTable, result_lines
 from glsim.eval.scoring.blocks import ScoringJob
-from glsim.eval.scoring.evaluate import Evaluation, ScoringProgress, evaluate
+from glsim.eval.scoring.evaluate import Evaluation, evaluate
 from glsim.eval.scoring.trained_networks import TrainedNetworks, group_by_network
 
 
@@ -24,7 +25,7 @@ def score_denoisers(
     pages: Callable[[Evaluation, ResultTable], Mapping[str, Document]] | None = None,
     figures: bool = True,
     workers: int = 1,
-    progress: Callable[[ScoringProgress], None] | None = None,
+    progress: Callable[[FrameProgress], None] | None = None,
 ) -> tuple[list[Path], list[str]]:
     """Score the denoisers of a job and trained networks; write all results.
 

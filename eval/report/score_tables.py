@@ -11,6 +11,7 @@ from typing import Final
 
 from glsim.core.depth_map import FLYING_MM
 from glsim.core.depth_protocol import MEANING
+from glsim.core.errors import counted
 from glsim.core.units import MM_PER_M
 from glsim.denoise.registry import NETWORKS, denoiser_names
 from glsim.eval.metrics.frame_score import METRICS
@@ -271,11 +272,11 @@ def _remarks(evaluation: Evaluation, table: ResultTable) -> list[str]:
             methods = "all methods" if len(of) == len(table) else ", ".join(of)
             undefined.setdefault((missing, methods), []).append(name)
     lines += [
-        f"Undefined in {missing} frame(s), which means leave out: {', '.join(names)}: {methods}."
+        f"Undefined in {counted(missing, 'frame')}, left out: {', '.join(names)}: {methods}."
         for (missing, methods), names in undefined.items()
     ]
     if evaluation.bad:
-        lines.append(f"{evaluation.bad} frames could not be scored (bad.csv), by cause:")
+        lines.append(f"{counted(evaluation.bad, 'frame')} could not be scored (bad.csv), by cause:")
         lines += list(evaluation.first_bad)
     return lines
 

@@ -24,6 +24,7 @@ from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import AtomicFile, to_json, wrap_write_errors, write_atomic
 from glsim.data.disk_format import HEADER
+from glsim.data.progress import FrameProgress
 from glsim.data.worker_processes import available_workers, run_tasks
 from glsim.denoise.denoiser import Denoiser
 from glsim.denoise.registry import load_denoiser
@@ -37,15 +38,6 @@ from glsim.eval.scoring.blocks import FrameBlock, ScoredBlock, ScoringJob
 _BLOCK: Final = 25
 #: Version of the scores; increase it with a change that alters the scores of a frame.
 _VERSION: Final = 4
-
-
-@dataclass(frozen=True)
-class ScoringProgress:
-    """Progress of scoring: how many frames are finished, planned and bad."""
-
-    done: int
-    total: int
-    bad: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +58,7 @@ def evaluate(
     *,
     workers: int | None = None,
     baselines: bool = True,
-    progress: Callable[[ScoringProgress], None] | None = None,
+    progress: Callable[[FrameProgress], None] | None = None,
 ) -> Evaluation:
     """Score every frame of a set by every denoiser; write rows.csv and bad.csv to ``out``.
 
@@ -131,15 +123,15 @@ def _score_missing(
     blocks: list[FrameBlock],
     workers: int,
     total: int,
-    progress: Callable[[ScoringProgress], None] | None,
+    progress: Callable[[FrameProgress], None] | None,
 ) -> None:
     stored = ((block, _read(folder, block.number)) for block in blocks)
     # Bad frames may have been repaired since.
     missing = [block for block, scored in stored if scored is None or scored.bad]
-    done = total - sum(block.frames for block in missing)
+    reused = done = total - sum(block.frames for block in missing)
     bad = 0
     show = progress or (lambda _: None)
-    show(ScoringProgress(done, total, bad))
+    show(FrameProgress(done, total, bad, reused))
     if not missing:
         return
     for scored in run_tasks(job, missing, min(workers, len(missing))):
@@ -147,7 +139,7 @@ def _score_missing(
         data = to_json(asdict(scored), str(path)).encode()
         write_atomic(data, path, sync=False)  # an empty block is scored again
         done, bad = done + scored.frames, bad + len({item["frame"] for item in scored.bad})
-        show(ScoringProgress(done, total, bad))
+        show(FrameProgress(done, total, bad, reused))
 
 
 def _path(folder: Path, number: int) -> Path:

@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from glsim.data.progress import FrameProgress
 from glsim.denoise.registry import CLEANUPS, GRIDS, tuning_specs
 from glsim.eval.scoring.blocks import ScoringJob
-from glsim.eval.scoring.evaluate import Evaluation, ScoringProgress, evaluate, write_csv
+from glsim.eval.scoring.evaluate import Evaluation, evaluate, write_csv
 
 #: Target number of tuning frames, evenly spread over the split.
 TUNING_FRAMES: Final = 150
@@ -35,7 +36,7 @@ def tune_filters(
     out: Path,
     *,
     workers: int | None = None,
-    progress: Callable[[ScoringProgress], None] | None = None,
+    progress: Callable[[FrameProgress], None] | None = None,
 ) -> list[Tuned]:
     """Score each filter's grid of settings on ``job.split``; write all trials to tuning.csv.
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glsim.cli.common import CalibratedDeviceOption, console, print_message
-from glsim.core.errors import ConfigError, DatasetError, did_you_mean
+from glsim.core.errors import ConfigError, DatasetError, counted, did_you_mean
 
 if TYPE_CHECKING:
     from glsim.denoise.denoiser import Denoiser
@@ -119,8 +119,8 @@ def _advice(name: str, denoiser: Denoiser, maps: DenoisedMaps) -> Iterator[str]:
 
     if maps.unchanged:
         yield (
-            f"{maps.unchanged} map(s) came back unchanged, as their noise passes for rounding and "
-            f"form: -d {name}:keep_clean=0 denoises them"
+            f"{counted(maps.unchanged, 'map')} came back unchanged: the noise passes for rounding "
+            f"and form: -d {name}:keep_clean=0 denoises them"
         )
     sees_one_frame = isinstance(denoiser.function, NetworkFunction) and not denoiser.before
     if sees_one_frame and maps.first_are_still:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, cast, get_args
 import typer
 
 from glsim.cli.common import WorkersOption, check_outputs, print_message, print_written
-from glsim.cli.progress import scoring_progress
+from glsim.cli.progress import frame_progress
 from glsim.core.errors import ConfigError, did_you_mean
 
 if TYPE_CHECKING:
@@ -167,7 +167,7 @@ def score_and_write(
     with named_losses(out / "table.md"):
         if tune is not None:
             job = tune(job, out, count)
-        with scoring_progress("scoring") as progress:
+        with frame_progress("scoring") as progress:
             written, harms = score(job, out, figures=figures, workers=count, progress=progress)
     print_written(written)
     for line in filter(None, (job.frames().note, *harms)):
@@ -187,7 +187,7 @@ def _add_tuned_filters(job: ScoringJob, out: Path, count: int) -> ScoringJob:
             f"--tune-filters: {job.dataset} has no frames in val, where settings are tuned: use a "
             "data set of glsim generate --set split=0.7,0.1,0.2"
         )
-    with scoring_progress("tuning") as progress:
+    with frame_progress("tuning") as progress:
         tuned = tune_filters(held_out, list(GRIDS), out, workers=count, progress=progress)
     for item in tuned:
         print_message(f"tuned {item.plain} and {item.cleaned.split(',')[-1]}")

@@ -23,7 +23,7 @@ from glsim.cli.eval import (
     figures_wanted,
     named_losses,
 )
-from glsim.cli.progress import scoring_progress
+from glsim.cli.progress import frame_progress
 from glsim.core.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ def evaluate_real(
     count = worker_count(workers)
     remarks: list[str] = []
     if tune_filters:
-        with scoring_progress("tuning") as progress:
+        with frame_progress("tuning") as progress:
             tuned, _ = tune_on_pairs(opened, workers=count, progress=progress)
         specs = list(dict.fromkeys([*tuned, *specs]))
         half = "scenes" if opened.by_scene else "tiles of 64 x 64 px, as a chessboard"
@@ -82,7 +82,7 @@ def evaluate_real(
     if len(opened.partner) == 0:
         remarks.append("No two frames show one static view: there are no static pairs.")
         print_message(f"{remarks[-1]} n/a: the frames lack what this measure needs")
-    with scoring_progress("scoring") as progress:
+    with frame_progress("scoring") as progress:
         scores = score_recording(
             opened, specs, scoring_half=tune_filters, workers=count, progress=progress
         )

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import print_message, print_written, split_names
-from glsim.core.errors import CPU_TORCH, ConfigError, DatasetError, TrainError
+from glsim.core.errors import CPU_TORCH, ConfigError, DatasetError, TrainError, counted
 from glsim.core.files.cloud import cloud_url
 
 
@@ -45,7 +45,7 @@ def export(
         formats, kept = split_names(to) or ["npz"], split_names(layers)
         data = open_dataset(source)
         done = export_dataset(data, out, formats, layers=kept, split=split, count=frames)
-        print_message(f"wrote {done} frame(s) as {', '.join(formats)} to {out}")
+        print_message(f"wrote {counted(done, 'frame')} as {', '.join(formats)} to {out}")
     elif not source.exists():
         raise ConfigError(f"{source}: no such data set or checkpoint")
     elif any(option is not None for option in (to, layers, split, frames)):

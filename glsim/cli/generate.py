@@ -17,12 +17,11 @@ from glsim.cli.common import (
     SetOption,
     WorkersOption,
     make_console,
-    options,
     overrides,
     print_message,
 )
-from glsim.cli.progress import generation_progress, print_summary
-from glsim.core.errors import ConfigError, MeshError
+from glsim.cli.progress import frame_progress, print_summary
+from glsim.core.errors import ConfigError, MeshError, counted
 
 if TYPE_CHECKING:
     from glsim.data.progress import GenerateSummary
@@ -111,7 +110,7 @@ def generate(
     count = worker_count(workers)
     _print_poses(settings)
     if part is None:
-        with generation_progress() as progress:
+        with frame_progress() as progress:
             whole = make_all(
                 settings, out, workers=count, portable=True, ray=ray, progress=progress
             )
@@ -119,11 +118,11 @@ def generate(
         _print_empty_splits(settings, whole)
         return
     chosen = parse_part(part)
-    with generation_progress() as progress:
+    with frame_progress() as progress:
         made = generate_part(settings, out, chosen, workers=count, portable=True, progress=progress)
     print_message(
-        f"{out}: part {chosen}: {made.frames} frames and {made.skipped} skipped, {made.rendered} "
-        f"of them in this run of {made.seconds:.1f} s"
+        f"{out}: part {chosen}: {counted(made.frames, 'frame')}, {made.skipped} skipped, "
+        f"{made.rendered} of them in this run of {made.seconds:.1f} s"
     )
     if made.dataset is not None:
         print_summary(made.dataset, out)
@@ -142,16 +141,16 @@ def _print_poses(settings: Settings) -> None:
         if isinstance(source, FileFaces):
             people = source.subjects(table.subjects)
             keys = [source.frames(person, 1)[0] for person in people[:_SHOWN_PEOPLE]]
-            meshes, bad = sum(len(source.frames(person, None)) for person in people), 0
+            meshes = sum(len(source.frames(person, None)) for person in people)
+            bad = list[MeshError]()
             for face in source.load(keys):
                 if isinstance(face, BadFace):
-                    bad += 1
-                    print_message(f"cannot be used: {face.error}")
-                else:
-                    placement, doubts = describe_notes(face.notes)
-                    print_message("; ".join([f"{face.key.path}: {placement}", *doubts]))
-            if bad == meshes and len(settings.source) == 1:
-                raise MeshError(f"{source.root}: no mesh in it can be used; nothing is written")
+                    bad.append(face.error)  # the run reports them all
+                    continue
+                placement, doubts = describe_notes(face.notes)
+                print_message("; ".join([f"{face.key.path}: {placement}", *doubts]))
+            if len(bad) == meshes and len(settings.source) == 1:
+                raise MeshError(f"{source.root}: no mesh in it can be used, for example {bad[0]}")
             if len(people) > _SHOWN_PEOPLE:
                 print_message(f"{len(people)} people: glsim inspect {source.root} -o faces.png")
 
@@ -192,8 +191,6 @@ def _print_plan(settings: Settings, workers: int) -> None:
     by_split = dict.fromkeys(SPLIT_NAMES, (0, 0))
     for person in plan.people():
         source = f"{person.source} {sources[person.source].name}"
-        if options.verbose:
-            out.print(f"{source}  {person.subject}  {person.split}  {person.frames} images")
         for sums, key in ((by_source, source), (by_split, person.split)):
             people, images = sums.get(key, (0, 0))
             sums[key] = people + 1, images + person.frames
@@ -213,10 +210,11 @@ def _print_plan(settings: Settings, workers: int) -> None:
         busiest = min(len(plan), -(-len(plan) // (chunk * workers)) * chunk)  # frames of a worker
         seconds = seconds * max(busiest / len(plan), 1 / workers) + cost.start_s
         how = (
-            f"{_bytes(len(plan) * cost.frame_bytes)}, about {_time(seconds)} with {workers} "
-            f"worker(s) on this machine (measured on {cost.sampled} frames)"
+            f"{_bytes(len(plan) * cost.frame_bytes)}, about {_time(seconds)} with "
+            f"{counted(workers, 'worker')} on this machine (measured on "
+            f"{counted(cost.sampled, 'frame')})"
         )
-    out.print(f"{len(plan)} images, {how}; nothing was written")
+    out.print(f"{counted(len(plan), 'image')}, {how}; nothing was written")
 
 
 class _Cost(NamedTuple):

@@ -58,11 +58,11 @@ def biwi(
         frames_per_subject: Frames per person. Default: all.
         split: Shares of train,val,test, or paper for the paper's. Default: 0.7,0.12,0.18.
     """
-    from glsim.cli.progress import generation_progress, print_summary
+    from glsim.cli.progress import frame_progress, print_summary
     from glsim.data.recordings.imports import import_biwi
     from glsim.data.worker_processes import worker_count
 
-    with generation_progress() as progress:
+    with frame_progress() as progress:
         summary = import_biwi(
             root, out, every=every, subjects=subjects, frames_per_subject=frames_per_subject,
             split=split, workers=worker_count(workers), backend=backend, progress=progress,
@@ -99,11 +99,11 @@ def kinect2(
         split: Shares of train,val,test. Default: 0,0,1 (all test).
         topic: Topic of the depth images in a bag. Default: native images named depth.
     """
-    from glsim.cli.progress import generation_progress, print_summary
+    from glsim.cli.progress import frame_progress, print_summary
     from glsim.data.recordings.imports import import_recordings
     from glsim.data.worker_processes import worker_count
 
-    with generation_progress() as progress:
+    with frame_progress() as progress:
         summary = import_recordings(
             root, out, depth_unit_mm=depth_unit_mm, mirror=mirror, every=every, split=split,
             topic=topic, workers=worker_count(workers), progress=progress,

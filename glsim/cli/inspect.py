@@ -17,7 +17,7 @@ from glsim.cli.common import (
     print_json,
     print_written,
 )
-from glsim.core.errors import ConfigError, DatasetError, MeshError, NoDepthError
+from glsim.core.errors import ConfigError, DatasetError, MeshError, NoDepthError, counted
 
 if TYPE_CHECKING:
     from glsim.data.inspection import FaceSetReport
@@ -109,7 +109,7 @@ def _recording(path: Path, unit_mm: float | None, topic: str | None) -> Recordin
     named = any("depth" in (f.parent.name, *words_of(f.name)) for f in recording.sources)
     if recording.kind == "biwi" or not named:  # a face set of that kind, or its textures
         return None
-    beside = f"{len(meshes)} meshes beside it: glsim inspect {meshes[0]} looks at the first"
+    beside = f"{counted(len(meshes), 'mesh', 'meshes')} beside it: glsim inspect {meshes[0]}"
     return replace(recording, notes=(*recording.notes, beside))
 
 
@@ -141,7 +141,7 @@ def _print_camera(content: dict[str, Any]) -> None:
     step = f"steps of {content['step_mm']:g} mm" if content["step_mm"] else "not rounded"
     light = "with" if content["infrared"] else "without"
     out.print(
-        f"{content['path']}: {content['kind']}, {content['frames']} frames of "
+        f"{content['path']}: {content['kind']}, {counted(content['frames'], 'frame')} of "
         f"{content['width_px']} x {content['height_px']} px {light} infrared, {step}"
     )
     if content["sensor"]:
@@ -175,15 +175,15 @@ def _print(report: FaceSetReport) -> None:
     out = make_console(soft_wrap=True)
     sequences = sum(count for count, _ in report.people.values())
     out.print(
-        f"{report.root}: {report.kind}, {len(report.people)} people, {sequences} sequences, "
-        f"{report.frames} frames"
+        f"{report.root}: {report.kind}, {counted(len(report.people), 'person', 'people')}, "
+        f"{counted(sequences, 'sequence')}, {counted(report.frames, 'frame')}"
     )
     for name, (count, frames) in list(report.people.items())[:_PEOPLE]:
-        out.print(f"  {name}: {count} sequences, {frames} frames")
+        out.print(f"  {name}: {counted(count, 'sequence')}, {counted(frames, 'frame')}")
     if len(report.people) > _PEOPLE:
         out.print(f"  and {len(report.people) - _PEOPLE} more")
     out.print(
-        f"{report.checked} frames read: {_range(report.vertices)} vertices, "
+        f"{counted(report.checked, 'frame')} read: {_range(report.vertices)} vertices, "
         f"{_range(report.triangles)} triangles"
     )
     for how, count in report.placements.most_common(_PEOPLE):

@@ -27,7 +27,7 @@ from glsim.cli.eval import (
     SplitOption,
     score_and_write,
 )
-from glsim.cli.progress import generation_progress, scoring_progress
+from glsim.cli.progress import frame_progress
 from glsim.core.errors import ConfigError
 
 app = typer.Typer(
@@ -77,7 +77,7 @@ def reproduce(
     roots = {kind: root for kind, root in given.items() if root is not None}
     steps: list[str] = []
     announce = steps.append if plan else print_message
-    displays = Displays(generation_progress, scoring_progress, training_progress, stopping)
+    displays = Displays(frame_progress, training_progress, stopping)
     runner = Runner(out, worker_count(workers), announce, displays, dry=plan)
     print_message(chosen.title)
     print_written(run(chosen, runner, roots))

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import print_message, print_written
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError, DatasetError, counted
 
 #: Number of frames for the summary of noise; more frames do not change the printed digits.
 _MEASURED_FRAMES = 200
@@ -70,7 +70,8 @@ def preview(
         raise DatasetError(f"{dataset}: has no frames to draw")
     # Frames are evenly spread, each from the middle of its interval, where expressions are strong.
     rows = min(frames, len(pairs))
-    shown = [pairs[int((row + 0.5) * len(pairs) / rows)] for row in range(rows)]
+    chosen = [int((row + 0.5) * len(pairs) / rows) for row in range(rows)]
+    shown = [pairs[number] for number in chosen]
     sheet, summary = out / "contact_sheet.png", out / "summary.md"
     write_picture(contact_sheet(shown, sensor), sheet)
     measured = pairs[:: max(1, len(pairs) // _MEASURED_FRAMES)]
@@ -89,3 +90,6 @@ def preview(
         written.append(out / "face.obj")
         write_atomic(encode_obj(*ProceduralFaces().neutral("p0000")), written[-1])
     print_written(written)
+    if left_out := sorted({*range(len(pairs))} - {*chosen}):
+        first = pairs[left_out[0]].name
+        print_message(f"the sheet leaves out {counted(len(left_out), 'frame')}, first {first}")

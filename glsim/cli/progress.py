@@ -6,14 +6,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from glsim.cli.common import as_typed, console, options, print_message
-from glsim.core.errors import DatasetError
+from glsim.core.errors import DatasetError, counted
 
 if TYPE_CHECKING:
-    from glsim.data.progress import GenerateProgress, GenerateSummary
-    from glsim.eval.scoring.evaluate import ScoringProgress
+    from glsim.data.progress import FrameProgress, GenerateSummary
 
 
 def rate_text(per_second: float) -> str:
@@ -22,8 +21,8 @@ def rate_text(per_second: float) -> str:
 
 
 @contextmanager
-def _bar(title: str, note: str) -> Iterator[Callable[..., None] | None]:
-    """Yield a function that updates a bar with a note and the time left; yield None if --quiet.
+def frame_progress(title: str = "") -> Iterator[Callable[[FrameProgress], None] | None]:
+    """Yield the update of a bar with frame rate, skipped frames, time left; None if --quiet.
 
     The bar appears with the first call: an error before the first frame has no idle bar.
     """
@@ -32,48 +31,24 @@ def _bar(title: str, note: str) -> Iterator[Callable[..., None] | None]:
         return
     from rich import progress
 
+    note = progress.TextColumn("{task.fields[rate]}  skipped {task.fields[skipped]}  left")
     bar = progress.Progress(
         progress.TextColumn("{task.description}", markup=False), progress.BarColumn(),
-        progress.MofNCompleteColumn(), progress.TextColumn(note), progress.TimeRemainingColumn(),
-        console=console,
+        progress.MofNCompleteColumn(), note, progress.TimeRemainingColumn(), console=console,
     )  # fmt: skip
-    task = bar.add_task(title, total=None, rate="", number=0)
+    task = bar.add_task(title, total=None, rate="", skipped=0)
+    started = time.monotonic()
 
-    def update(done: int, total: int, **fields: Any) -> None:
+    def update(state: FrameProgress) -> None:
         bar.start()
-        bar.update(task, total=total, completed=done, **fields)
+        rate = rate_text((state.done - state.reused) / max(1e-6, time.monotonic() - started))
+        bar.update(task, total=state.total, completed=state.done, rate=rate, skipped=state.skipped)
 
     try:
         yield update
     finally:
         if bar.live.is_started:
             bar.stop()
-
-
-@contextmanager
-def generation_progress() -> Iterator[Callable[[GenerateProgress], None] | None]:
-    """Yield the update of a bar with frame rate, skipped frames, time left; None if --quiet."""
-    with _bar("", "{task.fields[rate]}  skipped {task.fields[number]}  left") as move:
-        started = time.monotonic()
-
-        def update(state: GenerateProgress) -> None:
-            assert move is not None
-            per_second = (state.done - state.reused) / max(1e-6, time.monotonic() - started)
-            move(state.done, state.total, rate=rate_text(per_second), number=state.skipped)
-
-        yield None if move is None else update
-
-
-@contextmanager
-def scoring_progress(title: str) -> Iterator[Callable[[ScoringProgress], None] | None]:
-    """Yield the update of a bar with bad frames and time left; yield None if --quiet."""
-    with _bar(title, "bad {task.fields[number]}  left") as move:
-
-        def update(state: ScoringProgress) -> None:
-            assert move is not None
-            move(state.done, state.total, number=state.bad)
-
-        yield None if move is None else update
 
 
 @contextmanager
@@ -97,11 +72,12 @@ def step_progress(first: str) -> Iterator[Callable[[str], None]]:
 
 def print_summary(summary: GenerateSummary, out: Path | str) -> None:
     """Print a summary of a generation. Raises DatasetError if there are no frames."""
+    total = sum(summary.frames.values())
     frames = ", ".join(f"{split} {count}" for split, count in summary.frames.items())
     people = ", ".join(f"{split} {count}" for split, count in summary.subjects.items())
-    print_message(f"{out}: {sum(summary.frames.values())} frames ({frames}) of subjects ({people})")
+    print_message(f"{out}: {counted(total, 'frame')} ({frames}) of subjects ({people})")
     if summary.reused:
-        print_message(f"{summary.reused} frames, made or skipped, were complete already")
+        print_message(f"{counted(summary.reused, 'frame')}, made or skipped, complete already")
     if summary.rendered and summary.bytes:
         print_message(
             f"{summary.rendered} made{' or skipped' * bool(summary.skipped)} in "
@@ -113,5 +89,5 @@ def print_summary(summary: GenerateSummary, out: Path | str) -> None:
         console.print(as_typed(f"skipped {count}: {why}"), style="yellow", soft_wrap=True)
     for note in summary.notes:
         print_message(note)
-    if not sum(summary.frames.values()):
+    if not total:
         raise DatasetError(f"{out}: no frame could be made, see {out}/skipped.jsonl")

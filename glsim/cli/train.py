@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glsim.cli.common import RECIPES, SeedOption, console, options, overrides, print_message
-from glsim.core.errors import ConfigError, DatasetError, training_needs_torch
+from glsim.core.errors import ConfigError, DatasetError, counted, training_needs_torch
 
 if TYPE_CHECKING:
     from glsim.train.loop import StepStatus
@@ -167,7 +167,7 @@ def _print_result(report: dict[str, Any], folder: Path) -> None:
     best = report["best"]
     if report["state"] == "finished":
         print_message(
-            f"finished ({report['ended']}) after {report['steps']} steps, "
+            f"finished ({report['ended']}) after {counted(report['steps'], 'step')}, "
             f"{report['seconds'] / 60:.1f} min: best {best['monitor']} {best['value']:.4g} at step "
             f"{best['step']}, {folder / 'best.pt'}"
         )

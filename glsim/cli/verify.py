@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from glsim.cli.common import JsonOption, make_console, print_json, print_message
-from glsim.core.errors import DatasetError, printable
+from glsim.core.errors import DatasetError, counted, printable
 
 #: Largest number of printed problems; a lost folder causes thousands.
 _SHOWN = 200
@@ -56,7 +56,7 @@ def verify(
     counts = open_dataset(dataset).header["frames"]
     frames = ", ".join(f"{split} {count}" for split, count in counts.items())
     depth = "every image was read" if deep else "images were not read: --deep does"
-    print_message(f"{place}: sound: {sum(counts.values())} frames ({frames}); {depth}")
+    print_message(f"{place}: sound: {counted(sum(counts.values()), 'frame')} ({frames}); {depth}")
     return 0
 
 

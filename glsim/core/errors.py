@@ -86,20 +86,25 @@ def one_line(error: BaseException) -> str:
         return "an exception whose text fails"
 
 
+def counted(number: int, one: str, many: str = "") -> str:
+    """Write a number with its noun, whose plural may be irregular: "1 frame", "2 people"."""
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
 def with_mesh_option(text: str, before: str) -> str:
     """Write the unit=... and axes=... of a message of ``load_mesh`` as typed after ``before``."""
     return re.sub(r"(?<![\w.-])(unit|axes)='?([\w.+-]*\w)'?", rf"{before}\1=\2", text)
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return the end of an "unknown name" message: similar names or, if there are none, all.
+def did_you_mean(name: str, known: Iterable[str], table: str = "") -> str:
+    """Return the end of an "unknown name" message: similar names in a table or, without one, all.
 
     Without a similar one, names that contain the unknown one: "d435" means "realsense-d435".
     """
     names = sorted(known)
     within = [n for n in names if len(name) > 2 and name.lower() in n.lower()]
     if near := difflib.get_close_matches(name, names, n=3) or within[:3]:
-        return f"did you mean {' or '.join(map(repr, near))}?"
+        return f"did you mean {' or '.join(repr(table + n) for n in near)}?"
     return f"known: {', '.join(names)}" if names else "there are none"
 
 

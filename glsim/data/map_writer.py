@@ -13,7 +13,7 @@ import numpy as np
 
 from glsim.core.array_types import Depth
 from glsim.core.depth_frame import DepthFrame, Frames
-from glsim.core.errors import ConfigError, DatasetError, DepthRangeError
+from glsim.core.errors import ConfigError, DatasetError, DepthRangeError, counted
 from glsim.core.files.atomic import flush_outputs, write_atomic
 from glsim.core.files.png import encode_png
 from glsim.core.units import UINT16_MAX, subtract_offset, to_metres
@@ -122,7 +122,8 @@ class MapWriter:
 
     def sentence(self, noisy: str) -> str:
         """Say how many "noisy" maps were written, and in which steps; most files come first."""
-        text = f"wrote {sum(map(len, self._written.values()))} {noisy} depth map(s) to {self._out}"
+        done = counted(sum(map(len, self._written.values())), f"{noisy} depth map")
+        text = f"wrote {done} to {self._out}"
         kinds = sorted(self._written.items(), key=lambda kind: -len(kind[1]))
         for number, (holds, files) in enumerate(kinds):
             more = f" and {len(files) - 3} more" if len(files) > 3 else ""

@@ -15,7 +15,7 @@ _PROGRESS_EVERY_S = 0.1
 
 
 @dataclass(frozen=True)
-class GenerateProgress:
+class FrameProgress:
     """The progress of a run: ``done`` of ``total`` frames, including skipped and reused frames.
 
     ``reused`` frames were completed by an earlier run; ``bytes`` is the size of all images.
@@ -24,11 +24,11 @@ class GenerateProgress:
     done: int
     total: int
     skipped: int
-    reused: int
-    bytes: int
+    reused: int = 0
+    bytes: int = 0
 
 
-Progress = Callable[[GenerateProgress], None]
+Progress = Callable[[FrameProgress], None]
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ class RunCounts:
             return
         self.reported_s = now
         done = self.frames + self.skipped + sum(self.in_progress.values())
-        self.callback(GenerateProgress(done, self.total, self.skipped, self.reused, self.bytes))
+        self.callback(FrameProgress(done, self.total, self.skipped, self.reused, self.bytes))
 
     @property
     def rendered(self) -> int:

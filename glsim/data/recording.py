@@ -14,7 +14,7 @@ import numpy as np
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.depth_protocol import DepthProtocol
-from glsim.core.errors import DatasetError
+from glsim.core.errors import DatasetError, counted
 from glsim.data.recordings.camera_file import StatedCamera
 from glsim.data.recordings.files import SHOWN, VOTERS, MapFiles, Votes, spread
 from glsim.data.recordings.names import is_infrared, left_out_text
@@ -177,9 +177,7 @@ class Recording:
         """
         chosen = range(*part.indices(len(self.frames)))
         if len(chosen) < 2:
-            some = (
-                "one frame only" if len(self.frames) == 1 else f"{len(chosen)} frames in --frames"
-            )
+            some = counted(len(chosen), "frame") + " in --frames" * (len(self.frames) > 1)
             raise DatasetError(
                 f"{self.path}: has {some}; noise is measured between frames: record at least 30 "
                 "frames of a camera at rest"

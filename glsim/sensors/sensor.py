@@ -331,7 +331,7 @@ def load_sensor(
     for change in changed.values():
         _insert(stages, change, overrides, place)
     if daylight and not any("daylight" in stage.spec.parameters for stage in stages):
-        raise ConfigError(f"scene.daylight: no stage of sensor {table.title!r} knows daylight")
+        raise ConfigError(f"scene.daylight: no stage of sensor {file.stem!r} knows daylight")
     names = [stage.name for stage in stages]
     for stage_name in names:
         if names.count(stage_name) > 1:
@@ -341,7 +341,7 @@ def load_sensor(
     for stage_name in overrides:
         if stage_name not in names:
             raise ConfigError(
-                f"{place('stage', stage_name)}: sensor {table.title!r} has no stage {stage_name!r} "
+                f"{place('stage', stage_name)}: sensor {file.stem!r} has no stage {stage_name!r} "
                 f"({did_you_mean(stage_name, names)})"
             )
     rig = table.rig.rig()

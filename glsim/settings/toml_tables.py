@@ -147,7 +147,8 @@ def first_problem(model: type[BaseModel], error: ValidationError) -> tuple[list[
     name = ".".join(path).replace("source.0.", "source.")
     if problem["type"] in _UNKNOWN:
         known = problem.get("ctx", {}).get("known") or _fields_at(model, path[:-1])
-        return path, f"no such setting {name!r} ({did_you_mean(path[-1], known)})"
+        advice = did_you_mean(path[-1], known, name.removesuffix(path[-1]))
+        return path, f"no such setting {name!r} ({advice})"
     text, value = _text(problem), problem.get("input")
     if isinstance(value, str | int | float) and problem["type"] != "literal_error":
         text += f" (got {value!r:.{_SHOWN}})"

@@ -135,7 +135,7 @@ def wall(frames: int = 3, shape: tuple[int, int] = (48, 64)) -> NDArray[np.uint1
 
 
 def test_recordings_that_cannot_serve(tmp_path: Path) -> None:
-    with pytest.raises(DatasetError, match="one frame only"):
+    with pytest.raises(DatasetError, match="has 1 frame;"):
         read(write_frames(tmp_path / "single", wall(1)))
     rows, columns = np.mgrid[:96, :128]
     room = 1500.0 + 3.0 * columns + rows
@@ -192,7 +192,7 @@ def test_a_scene_without_smooth_surfaces_is_refused(tmp_path: Path) -> None:
         (["-o", "sensor.json"], 2, "give a name that ends in .toml"),
         (["--base", "kinect-v1"], 2, "no fit starts from 'kinect-v1'"),
         (["--frames", "7"], 2, "--frames 7: give the first frame"),
-        (["--frames", "2:3", "--base", "kinect-v2"], 1, "has 1 frames in --frames"),
+        (["--frames", "2:3", "--base", "kinect-v2"], 1, "has 1 frame in --frames"),
     ],
 )
 def test_command_refuses(

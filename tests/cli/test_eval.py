@@ -67,7 +67,7 @@ def test_denoise_takes_the_step_of_the_data_set(
         make(here / name, make_settings(depth_unit_mm=unit), make_tasks(4, 1))
         write(here / name / "test" / "s001" / f"{name}.png", fine)
     assert main(["denoise", "e", "-d", "quadric", "-o", "whole"]) == 0
-    assert "wrote 4 denoised depth map(s) to whole, in steps of 0.1 mm" in capsys.readouterr().err
+    assert "wrote 4 denoised depth maps to whole, in steps of 0.1 mm" in capsys.readouterr().err
     command = ["denoise", "d/test/s001/d.png", "-d", "quadric", "-q", "-o"]
     assert main([*command, "known.png"]) == 0
     write(here / "alone.png", fine)

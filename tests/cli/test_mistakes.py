@@ -46,6 +46,8 @@ corrupt map.png -o out.png --set pose.yaw_deg=3
 denoise maps -o maps/out -d median
 eval data -d median -o data
 denoise map.png -o map.png
+preview results
+inspect results
 denoise map.png -o out.png -d medan
 denoise map.png -o out.png -d median:size=4
 eval data -d median -o scored
@@ -109,6 +111,9 @@ def fill(place: Path) -> None:
     (place / "damaged").mkdir()
     (place / "damaged" / "dataset.json").write_text('{"format')
     (place / "empty").mkdir()
+    (place / "results/figures").mkdir(parents=True)
+    for name in ("table.md", "rows.csv", "figures/bias.png"):
+        (place / "results" / name).write_text("scores")
     (place / "scored/.blocks").mkdir(parents=True)
     (place / "scored/.blocks/scored").write_text("test of another data set")
 

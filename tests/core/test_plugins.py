@@ -109,7 +109,7 @@ def test_a_data_set_is_not_resumed_with_other_code_of_a_package(lab: Path) -> No
 def test_settings_of_a_packages_source_are_checked_as_any(lab: Path) -> None:
     for setting, message in (
         ("source.radius_mm=1", "source.radius_mm: must be greater than or equal to 20"),
-        ("source.radius=1", "no such setting 'source.radius' (did you mean 'radius_mm'?)"),
+        ("source.radius=1", "no such setting 'source.radius' (did you mean 'source.radius_mm'?)"),
         ("source.peak_only=true", "peak_only: clay has no such option (d3dfacs)"),
     ):
         done = glsim_in(lab, "generate", "--plan", "--source", "clay", "--set", setting)

@@ -257,7 +257,7 @@ def test_frames_without_infrared_at_the_end_are_left_out(tmp_path: Path) -> None
     write_mkv(tmp_path / "a.mkv", {"DEPTH": [image] * 4, "IR": [image] * 3}, azure_calibration())
     recording = open_maps(tmp_path / "a.mkv")
     assert len(recording.frames) == 3
-    assert "its last 1 frames have no infrared" in recording.notes[0]
+    assert "the last 1 frame, without infrared, left out" in recording.notes[0]
 
 
 @pytest.mark.parametrize(

@@ -175,7 +175,7 @@ def test_the_command_exports_frames_and_names_mistakes(
     out = tmp_path / "out"
     arguments = ["export", str(data), "-o", str(out), "--to", "ply,open3d", "--layers", "noisy"]
     assert main([*arguments, "--frames", "1"]) == 0
-    assert "wrote 1 frame(s) as ply, open3d to" in capsys.readouterr().err.replace("\n", " ")
+    assert "wrote 1 frame as ply, open3d to" in capsys.readouterr().err.replace("\n", " ")
     assert len([path for path in out.rglob("*") if path.is_file()]) == 2
     for wrong, message in (
         (["--to", "plx"], "no such format 'plx'"),

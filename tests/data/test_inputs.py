@@ -10,7 +10,7 @@ from glsim.core.errors import ConfigError, DatasetError, GlsimError
 from glsim.core.files.contents import content_hash
 from glsim.data import arithmetic, chunks
 from glsim.data.driver import generate
-from glsim.data.progress import GenerateProgress
+from glsim.data.progress import FrameProgress
 from glsim.settings.schema import Settings, load_settings
 from tests.support.dataset_fakes import TINY_SENSOR, contents
 from tests.support.face_sets import FACE, TRIANGLES, obj_bytes, put
@@ -46,7 +46,7 @@ def with_stage(folder: Path, use: str) -> Settings:
     return load_settings(overrides={"sensor": str(folder / "mine.toml"), "source": source})
 
 
-def stop(state: GenerateProgress) -> None:
+def stop(state: FrameProgress) -> None:
     if state.done >= 3:
         raise KeyboardInterrupt
 
@@ -130,7 +130,7 @@ def test_a_mesh_swapped_during_the_run_is_noticed(tmp_path: Path) -> None:
     generate(settings, whole, workers=1)
     before = (tmp_path / "scans" / "a" / "2.obj").read_bytes()
 
-    def swap(_: GenerateProgress) -> None:
+    def swap(_: FrameProgress) -> None:
         put(tmp_path / "scans" / "a" / "2.obj", obj_bytes(FACE * 1.1, TRIANGLES))
 
     with pytest.raises(DatasetError, match=r"source 0 folder: a/2.obj was changed during the run"):

@@ -66,14 +66,14 @@ def test_the_command_prints_and_draws(tmp_path: Path, capsys: pytest.CaptureFixt
     write_tester(tmp_path / "set")
     assert main(["inspect", str(tmp_path / "set"), "-o", str(out), "--shown", "5"]) == 0
     printed = capsys.readouterr().out
-    assert "facewarehouse, 1 people, 2 sequences, 50 frames" in printed
+    assert "facewarehouse, 1 person, 2 sequences, 50 frames" in printed
     assert "found" not in printed.split("axes +x+y+z")[1].splitlines()[0]
     assert "no problems" in printed
     picture = cv2.imread(str(out))
     assert picture.shape == (40 + 2 * 260, 4 * 240, 3)  # names above the pictures
     mesh = put(tmp_path / "one.obj", obj_bytes(FACE, TRIANGLES))
     assert main(["inspect", str(mesh), "-o", str(out)]) == 0
-    assert "mesh, 1 people, 1 sequences, 1 frames" in capsys.readouterr().out
+    assert "mesh, 1 person, 1 sequence, 1 frame" in capsys.readouterr().out
     (tmp_path / "folder").mkdir()
     for folder in ("folder", "new"):
         assert main(["inspect", str(mesh), "-o", str(tmp_path / folder), "-q"]) == 0

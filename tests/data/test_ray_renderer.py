@@ -11,7 +11,7 @@ from glsim.core.errors import ConfigError, DatasetError, MeshError
 from glsim.core.files.cloud import open_store
 from glsim.data.dataset_run import DatasetRun, run_all
 from glsim.data.driver import generate
-from glsim.data.progress import GenerateProgress, GenerateSummary
+from glsim.data.progress import FrameProgress, GenerateSummary
 from glsim.data.ray_cluster import ray_cluster
 from glsim.data.ray_renderer import on_ray
 from glsim.data.verification import verify
@@ -40,7 +40,7 @@ def nodes() -> Iterator[Nodes]:
 def make_on_ray(
     out: Path,
     nodes: Nodes,
-    progress: Callable[[GenerateProgress], None] | None = None,
+    progress: Callable[[FrameProgress], None] | None = None,
     settings=None,
     **faults,
 ) -> GenerateSummary:
@@ -58,7 +58,7 @@ def test_a_cluster_makes_the_bytes_of_a_local_run(
     tmp_path: Path, nodes: Nodes, format: str
 ) -> None:
     settings = make_settings(format=format)
-    seen: list[GenerateProgress] = []
+    seen: list[FrameProgress] = []
     make(tmp_path / "local", settings, TASKS, skip_every=7)
     summary = make_on_ray(tmp_path / "ray", nodes, seen.append, settings, skip_every=7)
     assert contents(tmp_path / "ray") == contents(tmp_path / "local")
@@ -74,7 +74,7 @@ def test_a_killed_node_costs_work_and_no_bytes(tmp_path: Path, nodes: Nodes) -> 
     second = nodes.add()
     killed: list[Any] = []
 
-    def kill_one(progress: GenerateProgress) -> None:
+    def kill_one(progress: FrameProgress) -> None:
         if progress.done and not killed:
             killed.append(progress.done)
             nodes.kill(second)

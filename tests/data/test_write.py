@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from glsim.core.errors import GlsimError, MeshError
-from glsim.data.progress import GenerateProgress
+from glsim.data.progress import FrameProgress
 from glsim.data.reader import open_dataset
 from glsim.data.verification import verify
 from tests.support.dataset_fakes import (
@@ -128,7 +128,7 @@ def test_strict_stops_at_the_first_skipped_frame(tmp_path: Path, workers: int) -
 def test_same_bytes_for_any_workers_and_any_order(tmp_path: Path, format: str) -> None:
     settings = make_settings(format=format)
     one = make(tmp_path / "one", settings, skip_every=7)
-    seen: list[GenerateProgress] = []
+    seen: list[FrameProgress] = []
     slow = Fault("sleep", 3)  # the first chunk is the last to be complete
     two = make(
         tmp_path / "two", settings, workers=2, progress=seen.append, skip_every=7, faults=(slow,)
@@ -136,7 +136,7 @@ def test_same_bytes_for_any_workers_and_any_order(tmp_path: Path, format: str) -
     assert contents(tmp_path / "one") == contents(tmp_path / "two")
     done = [progress.done for progress in seen]
     assert done == sorted(done)
-    assert seen[-1] == GenerateProgress(160, 160, 22, 0, two.bytes)
+    assert seen[-1] == FrameProgress(160, 160, 22, 0, two.bytes)
     assert (one.rendered, one.bytes, one.frames) == (two.rendered, two.bytes, two.frames)
 
 

@@ -139,7 +139,7 @@ def test_a_bad_extension_is_named(tmp_path: Path, text: str, message: str) -> No
         ("width = 7", "rig.width: .*greater than or equal to 8"),
         ("focal_px = [0, 100]", "rig: focal_px must be at least 1"),
         ("near_m = 20", r"rig: near_m 20.0 must be less than far_m 12.0"),
-        ("widht = 96", r"no such setting 'rig.widht' .did you mean 'width'"),
+        ("widht = 96", r"no such setting 'rig.widht' .did you mean 'rig.width'"),
         ('deliver = "cooked"', "rig.deliver: 'cooked' is not one of undistorted, raw"),
         ("[rig.distortion]\nk7 = 1", r"no such setting 'rig.distortion.k7' .known: k1, k2, k3"),
         ("[[rig.emitter]]\nposition_m = [0, 0, 0]", "an emitter at the camera itself throws no"),

@@ -31,7 +31,7 @@ def draws(distribution: Distribution, name: str = "x") -> np.ndarray:
         ({"constant": float("nan")}, "numbers must be finite"),
         ({"uniform": [0, float("inf")]}, "numbers must be finite"),
         ({"uniform": [1]}, r"pose.yaw_deg.uniform.1: is missing"),
-        ({"unifrom": [1, 2]}, "no such setting 'pose.yaw_deg.unifrom' .did you mean 'uniform'"),
+        ({"unifrom": [1, 2]}, "did you mean 'pose.yaw_deg.uniform'"),
         ({"uniform": [1, 2], "per": "year"}, "pose.yaw_deg.per: 'year' is not one of frame, seq"),
     ],
 )

@@ -104,9 +104,9 @@ def test_an_assignment_without_name_or_value_is_refused(text: str) -> None:
     ("assignment", "message"),
     [
         ("sede=1", r"--set sede=1: no such setting 'sede' \(did you mean 'seed' or 'scene'\?\)"),
-        ("pose.yaw=1", r"no such setting 'pose.yaw' \(did you mean 'yaw_deg'\?\)"),
-        ("output.crops=1", r"no such setting 'output.crops' \(did you mean 'crop'\?\)"),
-        ("source.subject=1", r"no such setting 'source.subject' \(did you mean 'subjects'\?\)"),
+        ("pose.yaw=1", r"no such setting 'pose.yaw' \(did you mean 'pose.yaw_deg'\?\)"),
+        ("output.crops=1", r"no such setting 'output.crops' \(did you mean 'output.crop'\?\)"),
+        ("source.subject=1", r"did you mean 'source.subjects'\?"),
         ("zzz=1", "no such setting 'zzz' .known: appearance, devices, motion, output, pose"),
         ("seed=-1", "seed: .*greater than or equal to 0 .got -1"),
         ("seed=9223372036854775808", "seed: .*less than"),

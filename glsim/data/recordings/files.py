@@ -32,6 +32,8 @@ from glsim.data.recordings.names import infrared_beside
 #: Largest number of maps of a set that vote on its unit, largest number of these that are kept to
 #: recognise the camera, and number of values per map that decide on a unit. Chosen, not measured.
 VOTERS, SHOWN, _VALUES = 16, 4, 20_000
+#: Number of maps of another size that a note names. Chosen.
+_NAMED = 3
 
 
 class FramePlace(NamedTuple):
@@ -119,6 +121,10 @@ class MapFiles:
             self.notes = (*self.notes, floats)
         exr = next((p.file for p in voters if p.file.suffix.lower() == ".exr"), None)
         self.ray_channel = "" if exr is None else along_ray(exr, self._channel)
+        shape = images[next(iter(images))].shape
+        if other := [place.name for place, image in images.items() if image.shape != shape]:
+            sizes = f"{len(other)} of {len(images)} sampled maps have another size than the first"
+            self.notes = (*self.notes, f"{sizes}: {', '.join(other[:_NAMED])}")
         maps = [self._in_mm(place, image) for place, image in images.items()]
         deepest_mm = max(float(depth_mm.max(initial=0)) for depth_mm, _ in maps)
         self.votes = Votes(tuple(shown for shown, _ in maps[:SHOWN]), maps[0][1], deepest_mm)

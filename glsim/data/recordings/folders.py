@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from glsim.core.camera import Intrinsics
-from glsim.core.errors import DatasetError, NoDepthError
+from glsim.core.errors import ConfigError, DatasetError, NoDepthError
 from glsim.core.files.atomic import read_json
 from glsim.core.files.listing import check_number, entries, files_below, natural
 from glsim.core.files.png import MAX_IMAGE_BYTES, image_size
@@ -35,6 +35,15 @@ _CAMERA_ENDS: Final = (".json", ".yaml", ".yml", ".txt", ".xml", ".toml", ".ini"
 _CAMERA_WORDS: Final = re.compile("intrinsic|camera|calib")
 #: Groups of suffixes of depth maps; the first group that a folder has is read, no other.
 _FORMATS: Final = ((".png",), (*SUFFIXES[1:], *READ_ONLY), DUMPS[:-1])
+#: Files in a folder of results of glsim, which is no recording -> what the folder is.
+_RESULTS: Final = {
+    ("table.md", "rows.csv"): "holds scores of glsim eval: read its table.md or report.html",
+    ("table.md", "scores.json"): "holds scores of glsim eval-real: read its table.md",
+    (
+        "recipe.json",
+        "run.json",
+    ): "is a run of glsim train: glsim denoise NOISY -o OUT -d {}/best.pt",
+}
 #: Kind of map -> last words of file names; if a folder has such files, only these are read.
 _MARKS: Final = {
     "noisy": ("_depth", "_noisy"),
@@ -60,8 +69,11 @@ def list_maps(
     Returns:
         The files in natural order, and pattern of file names that are left out -> number of files.
 
-    Raises NoDepthError: the folder has no depth map.
+    Raises NoDepthError: the folder has no depth map; ConfigError: it holds results of glsim.
     """
+    for names, meaning in _RESULTS.items():
+        if all((folder / name).is_file() for name in names):
+            raise ConfigError(f"{folder}: {meaning.format(folder)}")
     groups: dict[Path, list[Path]] = {}
     for path in _images(folder, below):
         groups.setdefault(path.parent, []).append(path)

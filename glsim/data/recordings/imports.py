@@ -23,7 +23,7 @@ from glsim.core.units import from_steps, to_metres
 from glsim.data.dataset_run import write_dataset
 from glsim.data.input_hashes import source_hashes
 from glsim.data.maps import open_maps
-from glsim.data.progress import GenerateProgress, GenerateSummary
+from glsim.data.progress import FrameProgress, GenerateSummary
 from glsim.data.recording import FrameReader, Recording
 from glsim.data.recordings.biwi import read_calibration, read_depth_bin
 from glsim.data.recordings.streams import STREAMS, is_stream
@@ -59,7 +59,7 @@ def import_biwi(
     split: str | None = None,
     workers: Workers = "auto",
     backend: str | None = None,
-    progress: Callable[[GenerateProgress], None] | None = None,
+    progress: Callable[[FrameProgress], None] | None = None,
 ) -> GenerateSummary:
     """Write the recordings of Biwi as a data set of glsim.
 
@@ -258,7 +258,7 @@ def import_recordings(
     split: str | None = None,
     topic: str | None = None,
     workers: Workers = "auto",
-    progress: Callable[[GenerateProgress], None] | None = None,
+    progress: Callable[[FrameProgress], None] | None = None,
 ) -> GenerateSummary:
     """Write the recordings in ``root``, or in its sub-folders, as a data set of glsim.
 

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.errors import DatasetError, GlsimError, require_package
+from glsim.core.errors import DatasetError, GlsimError, counted, require_package
 from glsim.core.files.listing import entries
 from glsim.data.map_files import DUMPS, READ_ONLY, SUFFIXES, depth_in_mm, floats_in_metres
 from glsim.data.recordings.camera_file import StatedCamera
@@ -56,7 +56,7 @@ class FrameStream:
         paired = [number for number, own in enumerate(self._light_of, 1) if own is not None]
         if paired and 0 < (more := len(self._light_of) - paired[-1]) <= _CUT:
             self._light_of = self._light_of[: paired[-1]]
-            self.notes += (f"its last {more} frames have no infrared: they are left out",)
+            self.notes += (f"the last {counted(more, 'frame')}, without infrared, left out",)
         lit = sum(number is not None for number in self._light_of)
         self.has_infrared = lit == len(self._light_of)
         if lit > 0 and not self.has_infrared:

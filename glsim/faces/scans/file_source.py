@@ -11,7 +11,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.errors import ConfigError, GlsimError, MeshError, did_you_mean
+from glsim.core.errors import ConfigError, GlsimError, MeshError, counted, did_you_mean
 from glsim.core.files.contents import content_hash
 from glsim.core.files.listing import entries
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
@@ -58,7 +58,7 @@ class FileFaces(FaceSource):
             raise ConfigError(f"{self.root}: {self.nothing}")
         if count is not None and count > len(self.people):
             raise ConfigError(
-                f"{self.root}: has {len(self.people)} subjects, {count} were asked for"
+                f"{self.root}: has {counted(len(self.people), 'subject')}, {count} asked for"
             )
         return list(self.people)[:count]
 
