@@ -162,7 +162,7 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="Set a parameter, such as stage.parameter=2.5, 'pose.yaw_deg={uniform=[-30,30]}', "
+        help="Set a parameter, such as tof_floor.sigma_mm=2, 'pose.yaw_deg={uniform=[-30,30]}', "
         "scene.wall_mm=1500. Repeatable.",
     ),
 ]

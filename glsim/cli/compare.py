@@ -49,7 +49,7 @@ def compare(
     unless -o is given.
 
     Args:
-        first: A data set of glsim, or a folder of depth frames as glsim import kinect2 reads.
+        first: A data set of glsim, or a recording of a depth camera (folder or file).
         second: The same, real or simulated.
         replay_sensor: In place of SIMULATED: render the surfaces of REAL through this sensor.
             Default: none.

@@ -59,6 +59,7 @@ def corrupt(
     Args:
         clean: A clean depth map (16-bit PNG or TIFF, .npy, .exr), or a folder of them.
         out: The noisy map, or a folder for them.
+        assignments: Set a parameter of the noise, such as tof_floor.sigma_mm=2. Repeatable.
         depth_unit_mm: Step of the depth files, mm. Default: what they state, else 1.
         focal_px: Focal length of the maps, pixels, one number or x,y. Default: as a camera.toml
             says, else the sensor's.

@@ -25,7 +25,7 @@ def fit(
     albedo: Annotated[float, typer.Option(min=0.01, max=2)] = 1.0,
     depth_unit_mm: float | None = None,
     base: str | None = None,
-    part: Annotated[str, typer.Option("--frames", metavar="A:B")] = ":",
+    part: Annotated[str, typer.Option("--frames", metavar="A:B", show_default=False)] = ":",
     proof: Annotated[bool, typer.Option("--proof/--no-proof")] = True,
     topic: str | None = None,
     as_json: JsonOption = False,
@@ -50,14 +50,14 @@ def fit(
     take the base then. Fewer than 8 frames are not halved.
 
     Args:
-        frames: A recording as glsim import kinect2 reads it, a data set, or files.
+        frames: A recording of a depth camera (folder or file), a data set, or map files.
         out: The sensor file to write.
         focal_px: Focal length, pixels. Default: stated, or the base sensor's.
         albedo: Albedo of the scene relative to a white wall.
         depth_unit_mm: Step of the depth files, mm. Default: the stated step, or 1.
         base: Base sensor: a Kinect V2, an Azure Kinect, or one that matches images. Default: by
             evidence in the frames.
-        part: Frames to use, counted from 0, without B. Default: all.
+        part: Frames to use: from A, counted from 0, to before B. Default: all.
         proof: Fit one half and test on the other. Needs the extra eval.
         topic: Topic of the depth images in a bag. Default: native images named depth.
     """

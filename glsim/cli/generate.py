@@ -76,8 +76,8 @@ def generate(
             noise, and other poses if settings draw them. Default: all of a folder, else 30.
         plan: Print the number of images, and size and time measured on a dozen of them; write
             nothing.
-        part: Make only the chunks whose number modulo N is I (from 0, or from 1 to N); the last
-            part to end merges all. Default: all chunks.
+        part: Make part I of N (from 0, or from 1 to N), as one of N jobs with the same options;
+            the last part to end merges all. Default: the whole data set.
         ray: Render on a cluster of Ray: auto, HOST:6379, or local (pip install 'glsim[ray]').
             Default: on this machine.
     """

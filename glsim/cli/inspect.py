@@ -76,7 +76,7 @@ def inspect(
     else:
         _print(report)
     if not report.usable:
-        raise MeshError(f"{path}: none of the {report.checked} frames that were read can be used")
+        raise MeshError(f"{path}: none of {counted(report.checked, 'frame')} can be used")
     if shown and out is not None:
         step = max(1, len(report.usable) // shown)
         cells = list(inspection.preview_faces(source, report.usable[::step][:shown], backend))

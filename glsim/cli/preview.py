@@ -28,7 +28,7 @@ def preview(
     Without clean maps, as of a recording, it draws the noisy maps and the infrared.
 
     Args:
-        dataset: A data set, or a recording as of glsim inspect. Default: an embedded head.
+        dataset: A data set, or a recording of a depth camera. Default: an embedded head.
         out: Folder for the two files.
         frames: Number of frames on the contact sheet.
         split: train, val or test. Default: all.

@@ -168,7 +168,7 @@ class _ChunkWriter:
 
     def _skip(self, task: Task, skipped: Skipped) -> None:
         if self._settings.strict:
-            raise MeshError(f"{task.stem}: {skipped.why} (strict stops at the first bad frame)")
+            raise MeshError(f"{task.stem}: {skipped.why} (strict=true stops here)")
         self._skipped.append(to_json(skipped_record(task, skipped), task.stem) + "\n")
         if self._shard is None:
             # An earlier run, whose chunks were discarded, may have left images of this frame.

@@ -85,13 +85,13 @@ class GeneratedFaces(FaceSource, Generic[_Person]):
     def subjects(self, count: int | None) -> list[str]:
         """Return the first ``count`` subjects. Raises ConfigError for None (endless source)."""
         if count is None:
-            raise ConfigError(f"{self.name} faces never end: give a number of subjects")
+            raise ConfigError(f"{self.name} faces never end: set source.subjects")
         return [f"{self.letter}{number:04d}" for number in range(count)]
 
     def frames(self, subject: str, count: int | None) -> PerformanceKeys:
         """Return a subject's first ``count`` keys. Raises ConfigError for None: it is endless."""
         if count is None:
-            raise ConfigError(f"{self.name} faces never end: give a number of frames per subject")
+            raise ConfigError(f"{self.name} faces never end: set source.frames_per_subject")
         return PerformanceKeys(
             self.seed, subject, count, self.frames_per_sequence, self.frames_per_second
         )

@@ -48,7 +48,7 @@ def region_numbers(sources: Sequence[FaceSource], further: Sequence[str] = ()) -
     }
     if not named:
         kinds = ", ".join(sorted({source.name for source in sources}))
-        raise ConfigError(f"{kinds}: has no face regions: leave 'regions' out of the layers")
+        raise ConfigError(f"{kinds}: has no face regions: leave regions out of output.layers")
     table = (*KNOWN_REGIONS, *sorted(named - set(KNOWN_REGIONS)))
     if len(table) > _MAX_REGIONS:
         raise ConfigError(f"{len(table)} names of face regions: the limit is {_MAX_REGIONS}")

@@ -88,7 +88,9 @@ def test_a_folder_of_nothing_but_bad_meshes_is_refused_before_the_run(
     (here / "scans").mkdir()
     (here / "scans" / "noise.stl").write_bytes(bytes(range(256)) * 3)
     arguments = ["generate", "-o", "data", "--source", "folder", "--root", "scans"]
-    assert "scans: no mesh in it can be used" in fails(capsys, 1, *arguments, "--workers", "1")
+    said = fails(capsys, 1, *arguments, "--workers", "1")
+    assert "scans: no mesh in it can be used" in said
+    assert said.count("noise.stl") == 1, "said once"
     assert not (here / "data").exists()
 
 

@@ -83,7 +83,7 @@ def test_the_command_prints_and_draws(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_the_command_fails_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     put(tmp_path / "Joe/1/1_1.ply", b"ply\n")
     assert main(["inspect", str(tmp_path), "-o", str(tmp_path / "a.png")]) == 1
-    assert "none of the 1 frames that were read can be used" in capsys.readouterr().err
+    assert "none of 1 frame can be used" in capsys.readouterr().err
     assert main(["inspect", str(tmp_path), "-o", "a.jpg"]) == 2
     assert main(["inspect", str(tmp_path / "nowhere")]) == 2
 

@@ -52,7 +52,7 @@ def test_names_have_one_number_in_every_data_set() -> None:
     assert mixed["tail"] == len(KNOWN_REGIONS) + 1
     assert list(mixed.values()) == sorted(mixed.values())
     mesh = Mesh(np.eye(3, dtype=np.float32), np.array([[0, 1, 2]], np.int32))
-    with pytest.raises(ConfigError, match="leave 'regions' out of the layers"):
+    with pytest.raises(ConfigError, match="leave regions out of"):
         region_numbers([OneMesh(mesh)])
 
 

@@ -97,7 +97,7 @@ def list_maps(
             f"all the same, give a pattern such as '{folder}/*.png'"
         )
     if shards := entries(folder, (".tar",))[0]:
-        raise NoDepthError(f"{folder}: its frames are in shards ({shards[0]}): give .png files")
+        raise NoDepthError(f"{folder}: its frames are in shards ({shards[0]}), not .png")
     raise NoDepthError(
         f"{folder}: holds no depth maps ({', '.join((*SUFFIXES, *READ_ONLY))}; dumps of "
         "libfreenect2: .bin, .raw, .depth), and is no recording (.bag, .mcap, .db3, .mkv)"
@@ -210,7 +210,7 @@ def _polycam_cameras(folder: Path) -> StatedCamera:
         return StatedCamera()
     x, y = size[0] / width, size[1] / height
     if not (np.isfinite(matrix).all() and min(matrix[:2]) >= 1 and abs(x / y - 1) < _UNEQUAL):
-        raise DatasetError(f"{folder}: its numbers are of no camera of depth maps of {size}")
+        raise DatasetError(f"{folder}: its camera fits no depth maps of {size} px")
     fx, fy, cx, cy = matrix
     return StatedCamera(Intrinsics(*size, fx * x, fy * y, cx * x, cy * y), unit_mm=1.0)
 

@@ -163,7 +163,7 @@ def check_head_size(path: Path, mesh: Mesh, alignment: Alignment) -> Mesh:
     if not 1 / _OTHER_UNIT < size / alignment.extent_mm < _OTHER_UNIT:
         raise MeshError(
             f"{path}: it is {size:.4g} mm across in the unit of its sequence, whose first mesh has "
-            f"{alignment.extent_mm:.4g} mm; set the unit, or mend the file"
+            f"{alignment.extent_mm:.4g} mm; set its true unit, such as unit=cm, or mend it"
         )
     return mesh
 

@@ -55,13 +55,13 @@ class Board(FaceSource):
     def subjects(self, count: int | None) -> list[str]:
         """Return the names of the first ``count`` boards. Raises ConfigError for None (endless)."""
         if count is None:
-            raise ConfigError("boards never end: give a number of subjects")
+            raise ConfigError("boards never end: set source.subjects")
         return [f"b{number:04d}" for number in range(count)]
 
     def frames(self, subject: str, count: int | None) -> Sequence[FaceKey]:
         """Return the keys of a board's first ``count`` frames. Raises ConfigError for None."""
         if count is None:
-            raise ConfigError("boards never end: give a number of frames per subject")
+            raise ConfigError("boards never end: set source.frames_per_subject")
         return _BoardKeys(subject, count)
 
     def load(self, keys: Sequence[FaceKey]) -> Iterator[Face]:

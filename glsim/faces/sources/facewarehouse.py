@@ -206,7 +206,7 @@ class FaceWarehouse(FileFaces):
             if not low_mm <= length <= high_mm:
                 raise MeshError(
                     f"{neutral}: an adult face would need {length:.4g} mm a unit, and the set has "
-                    f"{low_mm:.0f} to {high_mm:.0f}; give the unit yourself"
+                    f"{low_mm:.0f} to {high_mm:.0f}; give it, such as unit=cm"
                 )
             unit = f"{length:.6g}"
         alignment = find_alignment_in_format(

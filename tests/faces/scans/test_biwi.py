@@ -31,7 +31,7 @@ def test_people_not_recordings(tmp_path: Path) -> None:
     assert [k.frame for k in Biwi(tmp_path, every=2).frames("F01", None)] == [3, 5]
     assert len(set(PEOPLE)) == 20
     assert len(PEOPLE) == 24
-    with pytest.raises(ConfigError, match="has 3 subjects, 4 were asked for"):
+    with pytest.raises(ConfigError, match="has 3 subjects, 4 asked for"):
         source.subjects(4)
     with pytest.raises(ConfigError, match="no subject 'F02'"):
         source.frames("F02", None)

@@ -115,7 +115,7 @@ def test_a_person_without_neutral_or_of_absurd_scale_is_skipped(tmp_path: Path) 
     put(tmp_path / "Tester_2/TrainingPose/pose_4.obj", data)
     source = FaceWarehouse(tmp_path)
     first, second = source.load(all_keys(source))
-    assert "give the unit yourself" in str(first.error)
+    assert "give it, such as unit=cm" in str(first.error)
     assert "has no neutral face" in str(second.error)
 
 
@@ -123,7 +123,7 @@ def test_wrong_roots(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="no folder Tester_N"):
         FaceWarehouse(tmp_path).subjects(None)
     write_tester(tmp_path)
-    with pytest.raises(ConfigError, match="has 1 subjects, 2 were"):
+    with pytest.raises(ConfigError, match="has 1 subject, 2 asked"):
         FaceWarehouse(tmp_path).subjects(2)
     with pytest.raises(ConfigError, match=r"no subject 'Tester_2' \(did you mean 'Tester_1'"):
         FaceWarehouse(tmp_path).frames("Tester_2", None)

@@ -168,7 +168,7 @@ def test_wrong_settings_give_one_clear_line(tmp_path: Path) -> None:
         Folder(tmp_path).subjects(None)
     (tmp_path / "a.obj").touch()
     source = Folder(tmp_path)
-    with pytest.raises(ConfigError, match="has 1 subjects, 2 were asked for"):
+    with pytest.raises(ConfigError, match="has 1 subject, 2 asked for"):
         source.subjects(2)
     with pytest.raises(ConfigError, match=r"no subject 'aa' \(did you mean 'a'"):
         source.frames("aa", None)
