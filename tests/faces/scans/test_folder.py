@@ -95,7 +95,7 @@ def test_unit_and_axes_are_kept_for_a_subject_and_the_origin_for_a_sequence(tmp_
     tiny = by_path.pop("a/tiny.ply")
     assert isinstance(tiny, Face)  # the first mesh in order: all of subject "a" is in metres now
     smile = by_path["a/smile/1.ply"]
-    assert "it is 2.15e+04 mm across" in str(smile.error)
+    assert "it is 21,500 mm across" in str(smile.error)
 
     (tmp_path / "a/tiny.ply").unlink()
     source = Folder(tmp_path)
