@@ -21,10 +21,9 @@ _STEP_MM: Final = 200.0
 #: m. In 1 / depth a curve counts alike at all distances. Measured on 53 sets, beside holes: 1 % of
 #: windows of heads are below 0.57 (D455) to 3.5; 90 % of those of walls below 0.18, without stereo.
 _FLAT: Final = 0.43
-#: The mean of 5x5 measured depths must be as near to the plane as this multiple of what such means
-#: scatter by on the frame's walls (0.2 of white noise, more of smooth noise), and beside holes of
-#: the noise, else it is form: relief, ghosts and objects beside holes. Chosen: 2.5 sigma.
-_MEAN_PX, _AGREES, _AGREES_BESIDE = (5, 5), 2.5, 1.0
+#: The mean of 5x5 measured depths must be as near to the plane as this multiple of the noise of the
+#: wall, else it is form: relief away from holes, ghosts and objects beside them.
+_MEAN_PX, _AGREES, _AGREES_BESIDE = (5, 5), 0.5, 1.0
 #: Beside holes the plane also holds what is behind it, since nothing lies behind a wall, and in
 #: front of it what of a measured ghost the network left, at most this share. Measured: with 0.5
 #: real plates of 3 to 16 px on a wall get 4 % worse instead of 2.
@@ -49,10 +48,7 @@ def held_to_planes(
     near = (flat & (np.abs(off_mm) < JUMP_MM)).astype(np.float32)
     share, mean_mm = cv2.blur(near, _MEAN_PX), np.abs(cv2.blur(near * off_mm, _MEAN_PX))
     mean_mm /= np.maximum(share, 0.01)
-    wall = flat & ~beside & (noise_mm > 0)
-    usual = 1.4826 * np.median(mean_mm[wall] / noise_mm[wall]) if wall.any() else 0.0
-    agrees = _AGREES * max(usual, 1 / _MEAN_PX[0])
-    held = mean_mm < np.where(beside, max(_AGREES_BESIDE, agrees), agrees) * noise_mm
+    held = mean_mm < np.where(beside, _AGREES_BESIDE, _AGREES) * noise_mm
     held |= beside & (change_mm > -_GHOST_SHARE * mean_mm)
     held &= flat & (np.abs(change_mm) < JUMP_MM)
     seen_mm = np.where(probability > DOUBT, depth_mm, noisy_mm)
@@ -79,7 +75,11 @@ def _planes(depth_mm: Depth, noisy_mm: Depth, base: Mask) -> tuple[Depth, Mask, 
     plane, deviation, share = local_planes(inverse, known, np.ones(_WINDOW_PX))
     flat = (share > _LEAST_SHARE) & (deviation < _FLAT)
     change = np.where(base, noisy_mm - depth_mm, 0).astype(np.float64)
-    squares = known * small(change * change)
-    square = cv2.blur(squares, (_WINDOW_PX, _WINDOW_PX), borderType=cv2.BORDER_CONSTANT) / share
+    size, border = (_WINDOW_PX, _WINDOW_PX), cv2.BORDER_CONSTANT
+    mean, square = (
+        cv2.blur(known * small(image), size, borderType=border) / share
+        for image in (change, change * change)
+    )
+    noise_mm = large(np.sqrt(np.maximum(square - mean * mean, 0)))
     plane_mm = np.asarray(1e6 / np.maximum(large(plane), 1), np.float32)
-    return plane_mm, large(flat) > 0.99, large(np.sqrt(np.maximum(square, 0)))
+    return plane_mm, large(flat) > 0.99, noise_mm
