@@ -57,7 +57,7 @@ class EpochSampler(Sampler[list[int]]):
         if count < batch:
             raise ConfigError(
                 f"training.batch = {batch}, but the data set has {counted(count, 'pair')}: set a "
-                "smaller batch (--set training.batch=1), or generate more pairs"
+                f"smaller batch (--set training.batch={max(count, 1)}), or generate more pairs"
             )
         self._count, self._batch, self._seed = count, batch, seed * SEED_STRIDE
         self._epoch = self._skip = 0

@@ -204,7 +204,7 @@ def test_polycam_states_its_camera_at_the_size_of_its_colour_images(tmp_path: Pa
         assert (len(recording.frames), recording.notes) == (3, ())
     for file in (tmp_path / "cameras").iterdir():
         file.write_text(json.dumps({**own, "fx": 1e400}))
-    with pytest.raises(DatasetError, match="of no camera"):
+    with pytest.raises(DatasetError, match="fits no depth maps"):
         open_maps(tmp_path)
 
 

@@ -135,7 +135,7 @@ def changed(folder: Path, old: str, new: str) -> str:
         ("[80, 16, 120]", "[80, 32, 120]", "first must be a whole multiple of the second"),
         ("[80, 16, 120]", "[80, 20, 120]", "the phases repeat after 7.50 m, nearer than"),
         ("supersample = 3", "supersample = 2", "supersample 2 must be odd"),
-        ("supersample = 3", "supersamples = 3", "did you mean 'supersample'"),
+        ("supersample = 3", "supersamples = 3", "did you mean 'rig.supersample'"),
         ("near_mm = 500 ", "near_mm = 4500 ", "near_mm 4500 must be less than range_gate.far"),
         ("[[rig.emitter]]", "[nothing]", "no such setting 'nothing'"),
         ('use = "tof_bilateral"', 'use = "tof_bilatral"', "did you mean 'tof_bilateral'"),

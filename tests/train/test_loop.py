@@ -194,7 +194,7 @@ def test_settings_that_cannot_be(tmp_path: Path) -> None:
     limits = {"max_epochs": None}
     with pytest.raises(ConfigError, match="must know the end"):
         run(recipe(schedule={"kind": "cosine"}, training=limits), tmp_path / "a")
-    with pytest.raises(ConfigError, match="there are 10 pairs"):
+    with pytest.raises(ConfigError, match="the data set has 10 pairs"):
         run(recipe(training={"batch": 11}), tmp_path / "b")
 
 
