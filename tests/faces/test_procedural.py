@@ -95,9 +95,9 @@ def mirror_pairs() -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 def test_subjects_and_frames_need_a_number(source: ProceduralFaces) -> None:
     assert source.subjects(2) == ["p0000", "p0001"]
-    with pytest.raises(ConfigError, match="set source.subjects"):
+    with pytest.raises(ConfigError, match=r"set source\.subjects"):
         source.subjects(None)
-    with pytest.raises(ConfigError, match="set source.frames_per_subject"):
+    with pytest.raises(ConfigError, match=r"set source\.frames_per_subject"):
         source.frames("p0000", None)
 
 

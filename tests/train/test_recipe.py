@@ -58,7 +58,7 @@ def test_a_recipe_of_ones_own_holds_only_differences(tmp_path: Path) -> None:
         ('extends = "fase"', "did you mean 'face'"),
         ('extends = "own.toml"', "circle"),
         ("extends = 3", "extends must be the name"),
-        ('extends = "face"\n[training]\npatiense = 2', "training.patiense.*did you mean 'training.patience"),
+        ('extends = "face"\n[training]\npatiense = 2', "patiense.*did you mean 'training.patience"),
         ('extends = "face"\n[training]\nmonitor = "psnr"', "training.monitor.*interior_rmse_mm"),
         ('extends = "face', "own.toml"),
         ('title = "x"', "model: is missing"),
