@@ -27,8 +27,6 @@ _MANY_DEPTHS = 200
 #: Fewest rows of a depth mode that is registered to colour, and ratios of colour images' sides.
 #: Chosen: smaller modes are not registered, since most of a colour image would be empty.
 _LEAST_ROWS, _RATIOS = 360, (4 / 3, 16 / 9)
-#: More steps of disparity per pixel than these leave no lattice in whole units of depth.
-_MOST_STEPS = 64
 
 
 @dataclass(frozen=True)
@@ -58,19 +56,12 @@ def find_lattice(frames: Frames) -> Lattice | None:
     return lattice if lattice is not None and lattice.accepted else None
 
 
-def steps_per_px(sensor: Sensor) -> float:
-    """Return the steps of disparity per pixel of a sensor whose depths lie on a lattice, else 0."""
-    named = ("subpixel_steps", "steps_per_px")
-    found = [s.settings[n].bounds()[0] for s in sensor.stages for n in named if n in s.settings]
-    return found[0] if found and found[0] <= _MOST_STEPS else 0.0
-
-
 def lattice_focal_px(sensor: Sensor, frames: Frames, lattice: Lattice | None) -> float:
     """Compute the depth camera's focal length by the lattice and the sensor's baseline, px, or 0.
 
     0 without a lattice, or for a sensor without one.
     """
-    steps = steps_per_px(sensor)
+    steps = sensor.steps_per_px
     if lattice is None or steps == 0:
         return 0.0
     product = lattice.constant * (frames[0].step_mm or 1.0) / steps
@@ -89,7 +80,7 @@ def possible_modes(
     size, focal = (image.width, image.height), image.fx if stated else 0.0
     if not stated:
         image = rig.for_map((image.height, image.width)).intrinsics
-    steps = steps_per_px(sensor)
+    steps = sensor.steps_per_px
     if lattice is not None and any(s.spec.name.startswith("tof_") for s in sensor.stages):
         raise ConfigError(
             f"{frames.title}: its depths are round({lattice.constant:,.0f} / n): a camera that "
@@ -167,7 +158,7 @@ def _decimated(sensor: Sensor, image: Intrinsics, focal: float, by_lattice: floa
             size = tuple(4 * -(-(side // k) // 4) for side in (width, height))
             fits = (image.width, image.height) in (size, (width // k, height // k))
             f = _agree(own, focal, by_lattice, k) if fits else 0.0
-            if f and steps_per_px(sensor):
+            if f and sensor.steps_per_px:
                 delivered = _with_focal(image, f / k, image)
                 cx, cy = k * delivered.cx, k * delivered.cy
                 depth = Intrinsics(width, height, f, f, cx, cy)

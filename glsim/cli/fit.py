@@ -46,8 +46,8 @@ def fit(
 
     The fit uses the first half of the frames. The second half is compared with its replay through
     base and fitted sensor. The table, with standard errors, stands in the head of the written file.
-    The exit status is 1 if the fitted sensor is not better than its base by two standard errors:
-    take the base then. Fewer than 8 frames are not halved.
+    Fewer than 8 frames are not halved. The exit status is 1 if a recording is refused (no file is
+    written), or if the fitted sensor is not better by two standard errors: take the base then.
 
     Args:
         frames: A recording of a depth camera (folder or file), a data set, or map files.

@@ -47,10 +47,11 @@ _SIZES: Final = {
     (512, 512): "azure-kinect-wfov",
     (1024, 1024): "azure-kinect-wfov-unbinned",
 }
-#: RealSense sensors; they deliver depth in 32 steps of disparity per pixel.
-_REALSENSES: Final = ("realsense-d435", "realsense-d455", "realsense-d415", "realsense-d405")
-#: Largest depth in which a lattice is searched, in steps of the files: it takes half a second.
-_SEARCHED_STEPS: Final = 12_000
+#: Sensors that deliver depth in steps of disparity.
+_IN_STEPS: Final = (
+    *("realsense-d435", "realsense-d455", "realsense-d415", "realsense-d405"),
+    *("oak-d-pro", "kinect-v1-pattern"),
+)
 
 
 def choose_network(recording: Recording) -> tuple[str, str]:
@@ -138,15 +139,19 @@ def camera_of(recording: Recording) -> Camera:
     if (sized := _SIZES.get(size)) is not None:
         return Camera(sized, f"its images have {width} x {height} pixels")
     if votes.step_mm > 0:
-        values = distinct_values(votes.maps_mm, votes.step_mm)
-        lattice = estimate_lattice(values[values <= _SEARCHED_STEPS])
+        lattice = estimate_lattice(distinct_values(votes.maps_mm, votes.step_mm))
         if lattice is not None and lattice.accepted:
-            px_m = lattice.constant * votes.step_mm / 32 / MM_PER_M
-            _, sensor = min(
-                (abs(math.log(px_m / (f * s.rig.baseline_m))) + ((w, h) != size), s.name)
-                for s in map(load_sensor, _REALSENSES)
+            steps_mm = lattice.constant * votes.step_mm
+            _, sensor, steps = min(
+                (
+                    abs(math.log(steps_mm / (MM_PER_M * s.rig.baseline_m * s.steps_per_px * f)))
+                    + ((w, h) != size),
+                    s.name,
+                    s.steps_per_px,
+                )
+                for s in map(load_sensor, _IN_STEPS)
                 for w, h, f in s.modes
             )
-            product = f"f B = {MM_PER_M * px_m:,.0f} px mm"
+            product = f"f B = {steps_mm / steps:,.0f} px mm"
             return Camera(sensor, f"its depths lie on a lattice of disparities of {product}")
     return Camera("", "neither a file nor the maps say what made them")

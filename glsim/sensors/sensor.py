@@ -62,6 +62,8 @@ _BINNED = {
     ("tof_unwrap", "min_amplitude"): -2, ("tof_unwrap", "min_sum"): -2,
     ("tof_floor", "sigma_mm"): -1, ("fixed_pattern", "pixel_sigma_mm"): -1,
 }  # fmt: skip
+#: More steps of disparity per pixel than these leave no lattice in whole units of depth.
+_MOST_STEPS = 64
 #: Keys of [rig] that name a file, relative to the folder of the sensor file.
 RIG_FILES = ("fixed_pattern_map", "projector_image")
 
@@ -122,6 +124,13 @@ class Sensor:
     def matcher(self) -> Stage | None:
         """The stage that matches two images; None if the chain has none."""
         return next((s for s in self.stages if s.spec.name == MATCHER), None)
+
+    @property
+    def steps_per_px(self) -> float:
+        """Steps of disparity per pixel, if the depths lie on a lattice; else 0."""
+        named = ("subpixel_steps", "steps_per_px")
+        found = [s.settings[n].bounds()[0] for s in self.stages for n in named if n in s.settings]
+        return found[0] if found and found[0] <= _MOST_STEPS else 0.0
 
     @property
     def images(self) -> dict[str, NDArray[np.float32]]:

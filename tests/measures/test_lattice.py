@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from glsim.measures.lattice import distinct_values, estimate_lattice, lattice_share, on_lattice
+from glsim.measures.lattice import distinct_values, estimate_lattice, on_lattice
 from tests.support.real_cameras import needs_real_cameras, real_depths
 
 
@@ -26,6 +26,17 @@ def test_a_planted_constant_is_found(constant: float, low: int, high: int) -> No
     assert lattice.constant == pytest.approx(constant, abs=constant / high * 0.2)
 
 
+@pytest.mark.parametrize("phase", [0.3, 0.5, 0.8])
+def test_a_planted_phase_is_found(phase: float) -> None:
+    """As a Kinect V1 counts its steps, in a crop with a head and a wall."""
+    level = np.r_[180:230, 380:460]
+    values = np.unique(np.round(345_160.0 / (level + phase)))
+    lattice = estimate_lattice(values)
+    assert lattice.accepted
+    assert lattice.constant == pytest.approx(345_160.0, rel=5e-4)
+    assert lattice.phase == pytest.approx(phase, abs=0.1)
+
+
 def test_a_tenth_of_strange_depths_is_no_lattice() -> None:
     values = _values(626_823.0, 800, 3200)
     strange = np.setdiff1d(np.arange(1500, 3200), values)[:: 5_000 // values.size]
@@ -41,15 +52,21 @@ def test_other_depths_have_no_lattice() -> None:
     assert not estimate_lattice(some).accepted
     assert not estimate_lattice(np.arange(500.0, 3000.0)).accepted
     assert estimate_lattice(np.arange(500.0, 505.0)) is None
+    for seed in range(12):  # few depths that lie on many lattices by chance, clusters and strays
+        rng = np.random.default_rng(seed)
+        few = rng.choice(np.arange(390, 873 + 100 * seed), 30, replace=False)
+        walls = np.rint(np.r_[rng.normal(900, 9, 300), rng.normal(2000, 9, 300)])
+        for values in (few, np.r_[walls, rng.integers(400, 4500, 30)]):
+            lattice = estimate_lattice(np.unique(values).astype(float))
+            assert lattice is None or not lattice.accepted, seed
 
 
-def test_share_of_a_known_lattice() -> None:
+def test_known_depths_on_a_lattice() -> None:
     values = np.array([901.0, 2000.0, 2003.0])
     assert on_lattice(values, 626_823.0).tolist() == [True, False, True]
-    assert (
-        lattice_share(values, 626_823.0) == 0.5
-    )  # most whole numbers near 900 fit: they count not
-    assert np.isnan(lattice_share(np.array([300.0, 500.0]), 626_823.0))
+    shifted = np.round(345_160.0 / (np.arange(250, 400) + 0.3))
+    assert on_lattice(shifted, 345_160.0, 0.3).all()
+    assert on_lattice(shifted, 345_160.0).mean() < 0.6
 
 
 def test_distinct_values_leave_out_holes_and_clipped_depths() -> None:
@@ -64,19 +81,12 @@ def test_distinct_values_leave_out_holes_and_clipped_depths() -> None:
         ("d435_wall_2frames", 626_823),  # of the calibration in the file: 390.4315 x 50.1707
         ("d435_robot_room", 612_342),
         ("d405_bed", 3_734_873),  # files in 0.1 mm
+        ("kinect_v1_tables", 345_160),  # 575.3 px x 75 mm x 8, phase 0.27
+        ("azure_kinect_mug", 0),
+        ("truedepth_zeiss/board_iPadPro12_4gen_iOS15", 0),
     ],
 )
-@pytest.mark.long
-def test_the_constants_of_real_cameras(folder: str, constant: float) -> None:
+def test_real_cameras_have_the_known_constants_or_none(folder: str, constant: float) -> None:
     lattice = estimate_lattice(distinct_values(real_depths(folder)))
-    assert lattice.accepted
-    assert lattice.constant == pytest.approx(constant, rel=5e-5)
-
-
-@needs_real_cameras
-@pytest.mark.parametrize(
-    "folder", ["azure_kinect_mug", "truedepth_zeiss/board_iPadPro12_4gen_iOS15", "kinect_v1_tables"]
-)
-@pytest.mark.long
-def test_cameras_with_other_lattices_or_none_are_refused(folder: str) -> None:
-    assert not estimate_lattice(distinct_values(real_depths(folder))).accepted
+    assert lattice.accepted == (constant > 0)
+    assert constant == 0 or lattice.constant == pytest.approx(constant, rel=5e-5)

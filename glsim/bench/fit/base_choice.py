@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from glsim.bench.compare.replay_noise import half_distance_px
-from glsim.bench.modes import find_lattice, lattice_focal_px, possible_modes, steps_per_px
+from glsim.bench.modes import find_lattice, lattice_focal_px, possible_modes
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.core.units import MM_PER_M
@@ -103,7 +103,7 @@ def _rival(
     half_px: float,
 ) -> Rival:  # fmt: skip
     """Compute the distance of one base, and name the evidence against it, strongest first."""
-    image, unit, steps = frames.intrinsics, frames[0].step_mm or 1.0, steps_per_px(sensor)
+    image, unit, steps = frames.intrinsics, frames[0].step_mm or 1.0, sensor.steps_per_px
     alike = min(_times(half_px, alike_px, _ALIKE), _MOST_ALIKE)
     terms = {f"noise alike over {half_px:.1f} px": alike}
     if (lattice is None) != (steps == 0):
