@@ -33,10 +33,6 @@ def _flips_pct(p: ScoredMap) -> float:
     return 100.0 * _share(in_flips, p.mse_mm2)
 
 
-def _flying_px(p: ScoredMap) -> float:
-    return float(np.count_nonzero(p.valid & (~p.truth.valid | (np.abs(p.error) > FLYING_MM))))
-
-
 def _ring_lost_pct(p: ScoredMap) -> float:
     truth = p.truth
     right = truth.ring & truth.input_valid & (np.abs(truth.noisy - truth.clean) <= FLYING_MM)
@@ -59,7 +55,7 @@ _VALUES: Final[dict[str, Callable[[ScoredMap], float]]] = {
     "precision": lambda p: _share(p.counts[0], p.counts[1]),
     "recall": lambda p: _share(p.counts[0], p.counts[2]),
     "flips_px": lambda p: float(p.flips),
-    "flying_px": _flying_px,
+    "flying_px": lambda p: float(np.sum(p.valid & (~p.truth.valid | (abs(p.error) > FLYING_MM)))),
     "ring_lost_pct": _ring_lost_pct,
     "relief_kept_pct": relief_kept_pct,
     "relief_wide_kept_pct": partial(relief_kept_pct, band_px=WIDE_PX),

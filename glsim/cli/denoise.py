@@ -115,13 +115,15 @@ def denoise(
 
 def _advice(name: str, denoiser: Denoiser, maps: DenoisedMaps) -> Iterator[str]:
     """Yield what another setting of a network would do for these maps, a line each."""
+    from glsim.denoise.registry import with_parameter
     from glsim.networks.network import NetworkFunction
 
     if maps.unchanged:
         yield (
             f"{counted(maps.unchanged, 'map')} came back unchanged: the noise passes for rounding "
-            f"and form: -d {name}:keep_clean=0 denoises them"
+            f"and form: -d {with_parameter(name, 'keep_clean', 0)} denoises them"
         )
     sees_one_frame = isinstance(denoiser.function, NetworkFunction) and not denoiser.before
     if sees_one_frame and maps.first_are_still:
-        yield f"the first two maps show one still view: -d {name}:average=8 denoises their mean"
+        of_eight = with_parameter(name, "average", 8)
+        yield f"the first two maps show one still view: -d {of_eight} denoises their mean"

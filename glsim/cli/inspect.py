@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from glsim.data.inspection import FaceSetReport
     from glsim.data.recording import Recording
 
-_PEOPLE = 20
-_PROBLEMS = 20
+#: Lines of each list. Chosen.
+_LINES = 20
 
 
 def inspect(
@@ -178,18 +178,18 @@ def _print(report: FaceSetReport) -> None:
         f"{report.root}: {report.kind}, {counted(len(report.people), 'person', 'people')}, "
         f"{counted(sequences, 'sequence')}, {counted(report.frames, 'frame')}"
     )
-    for name, (count, frames) in list(report.people.items())[:_PEOPLE]:
+    for name, (count, frames) in list(report.people.items())[:_LINES]:
         out.print(f"  {name}: {counted(count, 'sequence')}, {counted(frames, 'frame')}")
-    if len(report.people) > _PEOPLE:
-        out.print(f"  and {len(report.people) - _PEOPLE} more")
+    if len(report.people) > _LINES:
+        out.print(f"  and {len(report.people) - _LINES} more")
     out.print(
         f"{counted(report.checked, 'frame')} read: {_range(report.vertices)} vertices, "
         f"{_range(report.triangles)} triangles"
     )
-    for how, count in report.placements.most_common(_PEOPLE):
+    for how, count in report.placements.most_common(_LINES):
         out.print(f"  {count}: {how}")
     out.print("problems:" if report.problems else "no problems")
-    for why, count in report.problems.most_common(_PROBLEMS):
+    for why, count in report.problems.most_common(_LINES):
         out.print(as_typed(f"  {count}: {why}"))
 
 

@@ -37,12 +37,9 @@ def _inside(name: str) -> str:
     return name
 
 
-def _word(name: str) -> str:
-    return _inside(name.replace("/", "//"))  # an empty word is refused
-
-
 FileName = Annotated[str, AfterValidator(_inside)]
-Word = Annotated[str, AfterValidator(_word)]
+#: Without any slash: an empty word between two is refused.
+Word = Annotated[str, AfterValidator(lambda name: _inside(name.replace("/", "//")))]
 Count = Annotated[int, Field(strict=True, ge=0, le=2**53)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-1e9, le=1e9)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0, le=1e9)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from glsim.data.stored_frame import StoredImages
 from glsim.settings.schema import SPLIT_NAMES
 
 _Record = Mapping[str, Any]
+_PERSON = itemgetter("split", "subject")
 
 
 def verify(path: Path | str, deep: bool = False, *, strays: bool = True) -> list[str]:
@@ -55,7 +57,7 @@ class _Verification:
         counts = dict.fromkeys(SPLIT_NAMES, 0)
         damaged: list[str] = []
         # Frames of a subject are consecutive: memory holds the names of one folder at a time.
-        for (split, subject), group in groupby(self._records(damaged), _person):
+        for (split, subject), group in groupby(self._records(damaged), _PERSON):
             other = split_of.setdefault(subject, split)
             if other != split:
                 yield f"subject {subject} is in {other} and in {split}"
@@ -176,7 +178,3 @@ class _Verification:
                 name = f"{split}/{entry}"
                 if name not in self._folders and name not in listed:
                     yield f"{name} is in no record"
-
-
-def _person(record: _Record) -> tuple[str, str]:
-    return record["split"], record["subject"]

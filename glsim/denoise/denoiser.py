@@ -176,10 +176,11 @@ class Denoiser:
         self, depth_mm: NDArray[Any], infrared: NDArray[Any] | None, crop: Intrinsics | None
     ) -> Depth:
         """Check a user's depth map; return a calibrated float32 copy (cameras reuse buffers)."""
-        if depth_mm.ndim != 2 or depth_mm.dtype.kind not in "fiu":
+        kind = getattr(depth_mm, "dtype", type(depth_mm).__name__)
+        if not isinstance(kind, np.dtype) or depth_mm.ndim != 2 or kind.kind not in "fiu":
             raise ConfigError(
                 f"{self.label}: give depth of shape (H, W) in millimetres, float or integer, not "
-                f"{depth_mm.shape} {depth_mm.dtype}"
+                f"{getattr(depth_mm, 'shape', 'a')} {kind}"
             )
         if not (np.isfinite(depth_mm) & (depth_mm >= 0)).all():
             raise ConfigError(f"{self.label}: depth must be finite and at least 0 (0 = no return)")
@@ -197,9 +198,9 @@ class Denoiser:
         return frame if self.device is None else self.device(frame, crop)
 
     def _check_infrared(self, infrared: NDArray[Any] | None, shape: tuple[int, ...]) -> None:
-        if infrared is not None and infrared.shape != shape:
+        if infrared is not None and np.shape(infrared) != shape:
             raise ConfigError(
-                f"{self.label}: infrared of shape {infrared.shape} for depth of shape {shape}: "
+                f"{self.label}: infrared of shape {np.shape(infrared)} for depth of shape {shape}: "
                 "give the infrared of the same pixels"
             )
 

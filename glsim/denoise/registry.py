@@ -138,25 +138,36 @@ def load_denoiser(
     return Denoiser(label, function, version, device=device, composite=composite, around=around)
 
 
+def with_parameter(spec: str, key: str, value: int) -> str:
+    """Return a network's spec with ``key=value`` beside or instead of its parameters."""
+    name, tail = _parts(spec)
+    values = _assignments(tail, spec) | {key: str(value)}
+    return f"{name}:" + ",".join(f"{key}={value}" for key, value in values.items())
+
+
+def _parts(text: str) -> tuple[str, str]:
+    """Split a name, or a file of a network, from the text behind its colon."""
+    path, _, tail = (text, "", "") if text.endswith(_SUFFIXES) else text.rpartition(":")
+    if not path.endswith(_SUFFIXES):
+        path, _, tail = text.partition(":")
+    return path, tail
+
+
 def _resolve(text: str, spec: str, label: str) -> tuple[Any, str]:
-    path, _, assignments = text.rpartition(":")
-    if text.endswith(_SUFFIXES):
-        path, assignments = text, ""
-    if path.endswith(_SUFFIXES):
-        options = build(NetworkOptions, _assignments(assignments, spec), spec)
-        return _from_file(Path(path), label, options)
-    name, _, tail = text.partition(":")
+    name, tail = _parts(text)
     if name in _FILTERS:
         return build(_FILTERS[name], _assignments(tail, spec), spec), ""
-    if name in NETWORKS:
-        options = build(NetworkOptions, _assignments(tail, spec), spec)
-        return _from_file(shipped_file(name), label, options)
+    if name in NETWORKS or name.endswith(_SUFFIXES):
+        file = shipped_file(name) if name in NETWORKS else Path(name)
+        return _from_file(file, label, build(NetworkOptions, _assignments(tail, spec), spec))
     if name in _plugins():
         plugin = _filter(name)
         return _own_code(f"{plugin.__module__}:{plugin.__name__}", tail, spec, label)
     function, _, parameters = tail.partition(":")
     if function and "=" not in function:
         return _own_code(f"{name}:{function}", parameters, spec, label)
+    if (best := Path(text, "best.pt")).is_file():
+        raise ConfigError(f"--denoiser {spec}: is the folder of a run: give {best}")
     raise ConfigError(
         f"--denoiser {spec}: no such denoiser {name!r} ({did_you_mean(name, denoiser_names())}); "
         "or write module:function, file.py:function, or the path of a network (.onnx, .pt, "

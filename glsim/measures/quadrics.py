@@ -59,7 +59,8 @@ def fit_surfaces(depth_mm: Floats, rays: Floats, size: int) -> Surfaces:
     moved = np.where(known, z - offset, 0.0)
     basis = quadric_basis(size)
     centre = basis[size * size // 2]
-    parts = [_filter(moved, kernel.reshape(size, size)) for kernel in basis.T]
+    kernels = [kernel.reshape(size, size) for kernel in basis.T]
+    parts = [cv2.filter2D(moved, cv2.CV_64F, k, borderType=cv2.BORDER_REFLECT) for k in kernels]
     squares = cv2.boxFilter(
         moved * moved, cv2.CV_64F, (size, size), normalize=False, borderType=cv2.BORDER_REFLECT
     )
@@ -75,10 +76,6 @@ def fit_surfaces(depth_mm: Floats, rays: Floats, size: int) -> Surfaces:
     rough = np.sqrt(np.maximum(left, 0.0) / (size * size - 6))
     images = residual, rough, _cosine(z, slope_x, slope_y, rays), bend
     return Surfaces(*(np.where(whole, image, np.nan).astype(np.float32) for image in images))
-
-
-def _filter(image: Array, kernel: Array) -> Array:
-    return np.asarray(cv2.filter2D(image, cv2.CV_64F, kernel, borderType=cv2.BORDER_REFLECT))
 
 
 def _cosine(z: Array, slope_x: Array, slope_y: Array, rays: Floats) -> Array:

@@ -17,13 +17,8 @@ from glsim.noise.twins.layers import random_bits
 __all__ = ["despeckle", "fill_from_points"]
 
 
-def _largest_island_px(p: Mapping[str, float]) -> int:
-    """Return the largest width or height, pixels, of an island that ``despeckle`` removes."""
-    return int(p["min_area_px"]) - 1
-
-
 @array_stage(
-    _largest_island_px,
+    lambda p: int(p["min_area_px"]) - 1,  # largest width or height of an island that goes, px
     min_area_px=("int", 20, 1, 100000, "px", "smallest connected island that is kept"),
     max_step_mm=("float", 20, 0.1, 5000, "mm", "depth difference that still connects neighbours"),
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -38,14 +39,16 @@ def refuse_millimetres(depth: Reals, near_m: float, far_m: float) -> None:
     """Raise ConfigError if depths that should be metres look like millimetres.
 
     Metres of this size would be beyond the sensor's far plane, and the result would be empty. A map
-    with one distance only is accepted: simulators put an empty background at their far plane.
+    with one distance only is warned of: simulators put an empty background at their far plane.
     """
     seen = depth[(depth > 0) & (depth < np.inf)]
-    if not seen.size:
+    nearest, farthest = float(seen.min(initial=np.inf)), float(seen.max(initial=0))
+    if not max(far_m, MM_PER_M * near_m) <= nearest <= MM_PER_M * far_m or nearest == far_m:
         return
-    nearest, farthest = float(seen.min()), float(seen.max())
-    beyond = max(far_m, MM_PER_M * near_m) <= nearest < farthest and nearest > far_m
-    if beyond and float(np.median(seen)) <= MM_PER_M * far_m:
+    if nearest == farthest:
+        far = f"all depth is {nearest:g} m, beyond the sensor: if mm, give depth / 1000"
+        warnings.warn(far, stacklevel=3)
+    elif float(np.median(seen)) <= MM_PER_M * far_m:
         raise ConfigError(
             f"depth is {nearest:g} to {farthest:g}: this is millimetres, and metres are wanted: "
             "give depth / 1000"

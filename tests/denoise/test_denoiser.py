@@ -78,9 +78,10 @@ def test_a_probability_becomes_a_mask_by_a_composite(
         (NOISY > 0, "float or integer"),
         (np.full_like(NOISY, np.nan), "finite"),
         (-NOISY, "at least 0"),
+        ("a.png", r"shape \(H, W\) .* not a str"),
     ],
 )
-def test_what_is_no_depth_map_is_refused(depth: np.ndarray, words: str) -> None:
+def test_what_is_no_depth_map_is_refused(depth: Any, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         load_denoiser("median")(depth)
 

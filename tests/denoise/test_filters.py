@@ -1,6 +1,8 @@
 """Denoisers: exact parameters, handling of holes, and all ways to name one."""
 
 import functools
+import re
+import shutil
 import sys
 from pathlib import Path
 
@@ -16,7 +18,9 @@ from glsim.denoise.registry import (
     denoiser_names,
     describe_denoiser,
     load_denoiser,
+    shipped_file,
     tuning_specs,
+    with_parameter,
 )
 from glsim.networks.composites import COMPOSITES, DEFAULT_COMPOSITE
 from tests.support.eval_scenes import Array, dome, noisy
@@ -197,25 +201,32 @@ def test_soft_validity_gives_four_composites(here: Path) -> None:
         ("quadric:sigma_px=100", r"\[0.7, 20\]"),
         ("median:size", "name=value"),
         ("", "give a name"),
-    ],
-)
-def test_wrong_specifications(spec: str, words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
-        load_denoiser(spec)
-
-
-@pytest.mark.parametrize(
-    ("spec", "words"),
-    [
         ("no_such_module:function", "cannot be imported"),
         ("math:no_such_function", "has no 'no_such_function'"),
         ("math:pi", "no function"),
         ("run/none.pt", "no such file: give the best.pt"),
+        ("a_run", "is the folder of a run: give a_run/best.pt"),
     ],
 )
-def test_what_cannot_be_loaded(spec: str, words: str) -> None:
-    with pytest.raises(DenoiserError, match=words):
+def test_wrong_specifications(spec: str, words: str, here: Path) -> None:
+    (here / "a_run").mkdir()
+    (here / "a_run" / "best.pt").touch()
+    not_loaded = re.search("math|module|none", spec) is not None
+    with pytest.raises(DenoiserError if not_loaded else ConfigError, match=words):
         load_denoiser(spec)
+
+
+def test_a_parameter_is_added_as_a_person_would_type_it(here: Path) -> None:
+    shutil.copy(shipped_file("face"), here / "mine.onnx")
+    for spec, longer in (
+        ("face", "face:average=8"),
+        ("face:keep_clean=0", "face:keep_clean=0,average=8"),
+        ("face:average=2,mirror=1", "face:average=8,mirror=1"),
+        ("mine.onnx", "mine.onnx:average=8"),
+        (f"still@{here}/mine.onnx:mirror=1", f"still@{here}/mine.onnx:mirror=1,average=8"),
+    ):
+        assert with_parameter(spec, "average", 8) == longer
+        assert load_denoiser(longer).before == 7
 
 
 def test_a_function_of_a_file_or_a_module_here(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,7 +8,7 @@ import pytest
 from glsim.faces.people.model import REGIONS
 from glsim.looks import cloth
 from glsim.looks.anatomy import Anatomy
-from glsim.looks.binding import Motion, Shell, skull_motion
+from glsim.looks.binding import Shell, skull_motion
 from glsim.looks.cloth import make_clothes
 from glsim.looks.cloth_body import UP, ClothBody, fit_cloth, make_cloth_grid
 from glsim.looks.dress import Dresser
@@ -39,17 +39,14 @@ def fitted() -> ClothBody:
     return fit_cloth(grid, body().vertices_mm)
 
 
-def still() -> Motion:
-    return skull_motion(body().vertices_mm[:3], body().vertices_mm[:3])
-
-
 def clothes(upper: Garment, lower: Garment = LOWER[0], tucked: bool = False) -> list[Shell]:
     return [shell for shell, _ in make_clothes(fitted(), (upper, lower, SHOES), tucked, 1.0, 5)]
 
 
 def points_of(worn: Shell) -> np.ndarray:
     """Where cloth lies on the body at rest."""
-    return worn.place(body().vertices_mm, still())
+    vertices_mm = body().vertices_mm
+    return worn.place(vertices_mm, skull_motion(vertices_mm[:3], vertices_mm[:3]))
 
 
 def named(name: str) -> Garment:
