@@ -1,6 +1,7 @@
 """A tree of meshes becomes subjects, sequences and frames; bad meshes become BadFace."""
 
 import re
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from glsim.data.driver import generate
 from glsim.data.reader import open_dataset
 from glsim.faces import open_source
 from glsim.faces.face_source import BadFace, Face, FaceKey, FaceSource
-from glsim.faces.meshes.alignment import rotation
+from glsim.faces.meshes.alignment import Turns, rotation
 from glsim.faces.sources.folder import Folder
 from glsim.settings.schema import load_settings
 from glsim.settings.source_settings import parse_source
@@ -194,21 +195,19 @@ def test_one_scan_gives_as_many_pairs_as_are_asked_for(tmp_path: Path) -> None:
     generate(settings, tmp_path / "data", workers=1)
     frames = list(open_dataset(tmp_path / "data").frames())
     assert len(frames) == 4
-    depths_mm = [frame.noisy_mm for frame in frames]
-    assert all((depth > 0).sum() > 500 for depth in depths_mm)
-    clean_mm = [frame.clean_mm for frame in frames]
-    for one in range(4):
-        for other in range(one):
-            assert not np.array_equal(clean_mm[one], clean_mm[other])  # another pose
-            assert not np.array_equal(depths_mm[one], depths_mm[other])
+    assert all((frame.noisy_mm > 0).sum() > 500 for frame in frames)
+    for one, other in combinations(frames, 2):
+        assert not np.array_equal(one.clean_mm, other.clean_mm)  # another pose
+        assert not np.array_equal(one.noisy_mm, other.noisy_mm)
 
 
-def test_a_page_leads_from_a_vertex_to_its_pixel(tmp_path: Path) -> None:
+@pytest.mark.parametrize("turns", [(0.0, 0.0, 0.0), (-31.9, -8.4, 5.3)])
+def test_a_page_leads_from_a_vertex_to_its_pixel(turns: Turns, tmp_path: Path) -> None:
     page = (ROOT / "docs/howto/data_sets.md").read_text(encoding="utf-8")
     defined: dict[str, Any] = {}
     exec(re.findall(r"```python\n(.*?)```", page, re.DOTALL)[0], defined)
     mesh = face_mesh(120)
-    vertices = mesh.vertices_mm[:, [0, 2, 1]] * (0.1, -0.1, 0.1) + (3, 4, 5)  # cm, other axes
+    vertices = 0.1 * mesh.vertices_mm @ rotation("+x+z-y", turns) + (3, 4, 5)  # cm, other axes
     lines = ["v {} {} {}".format(*row) for row in vertices]
     lines += ["f {} {} {}".format(*(face + 1)) for face in mesh.faces]
     (tmp_path / "scans").mkdir()
@@ -216,6 +215,8 @@ def test_a_page_leads_from_a_vertex_to_its_pixel(tmp_path: Path) -> None:
     command = ["generate", "-o", str(tmp_path / "d"), "--source", "folder", "--root"]
     command += [str(tmp_path / "scans"), "--frames-per-subject", "2", "--sensor", "ideal", "-q"]
     command += ["--set", "pose.yaw_deg={uniform=[-30,30]}", "--set", "output.depth_unit_mm=0.1"]
+    tilted = ["--set", "source.axes=+x+z-y", "--set", f"source.rotation_deg={[*turns]}"]
+    command += tilted if any(turns) else []  # else found in the mesh
     assert main([*command, "--set", "output.crop=200", "--workers", "1"]) == 0
     for frame in open_dataset(tmp_path / "d"):
         column, row, depth_mm = defined["pixels_of"](vertices, frame.record)
