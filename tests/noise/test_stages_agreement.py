@@ -14,6 +14,7 @@ from glsim.core.rect import Rect
 from glsim.noise.registry import shipped_stages
 from glsim.noise.twins import find_twin, takes_tensors
 from glsim.noise.twins.edges import cells
+from glsim.sensors.sensor import load_sensor
 from tests.support.imports import ROOT
 from tests.support.scenes import face_mesh, frames_of, settings_for
 from tests.support.stage_harness import (
@@ -178,7 +179,10 @@ def test_depth_and_reason_fit(use: str, p: Mapping[str, float]) -> None:
     assert not np.isin(written["reason"][before & ~after], layers["reason"][before]).any()
 
 
-def test_the_stage_of_the_howto_and_its_twin_agree(context: Context, tmp_path: Path) -> None:
+@pytest.mark.parametrize("crop", [None, 64])
+def test_the_stage_of_the_howto_and_its_twin_agree(
+    crop: int | None, context: Context, tmp_path: Path
+) -> None:
     page = (ROOT / "docs/howto/noise_stage.md").read_text(encoding="utf-8")
     blocks = dict(re.findall(r"```(glsl|python)\n(.*?)```", page, re.DOTALL))
     (tmp_path / "burst.glsl").write_text(blocks["glsl"])
@@ -188,9 +192,11 @@ def test_the_stage_of_the_howto_and_its_twin_agree(context: Context, tmp_path: P
     )
     defined: dict[str, Any] = {}
     exec(blocks["python"], defined)
-    settings = settings_for(str(tmp_path / "s.toml"), scene={"wall_mm": 1500})
+    sensor = str(tmp_path / "s.toml")
+    settings = settings_for(sensor, scene={"wall_mm": 1500}, output={"crop": crop})
     (frame,) = frames_of(context, settings, face_mesh(40))
-    np.testing.assert_allclose(frame.noisy_m, defined["burst"](frame), atol=2e-6)
+    camera = load_sensor(sensor).rig.delivered
+    np.testing.assert_allclose(frame.noisy_m, defined["burst"](frame, camera), atol=2e-6)
     off_mm = 1000 * (frame.noisy_m - frame.clean_m)
     rows = np.abs(off_mm).max(axis=1) > 0.01
     assert 0.02 < rows.mean() < 0.25
