@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from glsim.core.depth_frame import Frames
 from glsim.data.maps import open_maps
-from glsim.data.recording import DEFAULT_FRAMES
+from glsim.data.recording import DEFAULT_FRAMES, Recording
 from glsim.measures.boards import PATTERN
 from glsim.measures.static import static_pairs
 
@@ -39,14 +39,13 @@ class SplitRecording:
     Attributes:
         partner: frame -> another frame of the same static scene.
         scene: frame -> number of the static scene.
-        simulated_by: sensor of glsim that simulated the frames; "" if none is known.
     """
 
     source: Source
+    recording: Recording
     frames: Frames
     partner: dict[int, int]
     scene: dict[int, int]
-    simulated_by: str = ""
 
     @property
     def scenes(self) -> int:
@@ -105,4 +104,4 @@ def split_recording(source: Source) -> SplitRecording:
         partner.setdefault(second, first)
         number = scene.setdefault(first, len(set(scene.values())))
         scene[second] = number
-    return SplitRecording(source, frames, partner, scene, recording.simulated_by)
+    return SplitRecording(source, recording, frames, partner, scene)

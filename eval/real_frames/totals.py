@@ -149,7 +149,7 @@ def add_up(
         by_scene=recording.by_scene,
         own_ring_losses=(ratio(losses[1], losses[0]), ratio(losses[3], losses[2])),
         pixels=raw.pair[..., 0].sum(axis=0).astype(int).tolist(),
-        simulated_by=recording.simulated_by,
+        simulated_by=recording.recording.simulated_by,
     )
 
 

@@ -62,7 +62,9 @@ def evaluate_real(
     specs = list(denoiser or ["face"])
     figures = figures_wanted(figures)
     count = worker_count(workers)
-    remarks: list[str] = []
+    remarks = list(filter(None, [opened.recording.sentence(focal_px)]))
+    for remark in remarks:
+        print_message(remark)
     if tune_filters:
         with frame_progress("tuning") as progress:
             tuned, _ = tune_on_pairs(opened, workers=count, progress=progress)
@@ -73,9 +75,9 @@ def evaluate_real(
             f"Filters with settings are tuned on the static pairs of one half of the {half}; "
             "static pairs of all methods are scored on the other half."
         )
-    if opened.simulated_by:
+    if sensor := opened.recording.simulated_by:
         remarks.append(
-            f"{recording}: is simulated by {opened.simulated_by}: the figures rate denoisers on "
+            f"{recording}: is simulated by {sensor}: the figures rate denoisers on "
             "noise of glsim, not of a camera; glsim eval compares with the true depth."
         )
         print_message(remarks[-1])

@@ -90,7 +90,9 @@ def test_scores_of_real_frames(here: Path, capsys: pytest.CaptureFixture[str]) -
     found = printed(capsys, "eval-real", "recording", "-d", "median", "--no-figures", "-q")
     assert found == json.loads((here / "scores" / "scores.json").read_text())
     assert main(["eval-real", "recording", "-d", "guided", "--no-figures"]) == 0
-    assert "table.md: is replaced, without median: -o NEW keeps" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "states no intrinsics: those of kinect-v2 are taken; a camera.toml" in told
+    assert "table.md: is replaced, without median: -o NEW keeps" in told
     (here / "recording").rename("other")
     assert main(["eval-real", "other", "-d", "guided"]) == 2
     assert "holds the scores of" in capsys.readouterr().err
