@@ -31,8 +31,7 @@ def plan_hours(recipes: Iterable[Recipe], split: object, images: int) -> TextTab
         raise training_needs_torch(error) from None
     share = split[0] if isinstance(split, tuple) else PAPER_IMAGES[0] / sum(PAPER_IMAGES)
     trainings = Counter(recipe.title for recipe in recipes)
-    total = [0.0] * (1 + len(_GPUS))
-    rows = []
+    rows: list[tuple[list[str], list[float]]] = []
     for title, recipe in {recipe.title: recipe for recipe in recipes}.items():
         limits, of_epochs = recipe.training, float("inf")
         if limits.max_epochs:
@@ -42,9 +41,10 @@ def plan_hours(recipes: Iterable[Recipe], split: object, images: int) -> TextTab
         seconds, flop = step_seconds(recipe), step_flop(recipe)
         hours = [times * seconds]
         hours += [times * flop / (_REACHED * 1e12 * rate) for rate in _GPUS.values()]
-        total = [sum(pair) for pair in zip(total, hours, strict=True)]
-        cells = [f"{steps:,.0f}", f"{seconds:.3g}", *map(format_number, hours)]
-        rows.append([title, str(trainings[title]), *cells])
-    rows.append(["all", str(trainings.total()), "", "", *map(format_number, total)])
+        rows.append(([title, str(trainings[title]), f"{steps:,.0f}", f"{seconds:.3g}"], hours))
+    total = [sum(hours[place] for _, hours in rows) for place in range(1 + len(_GPUS))]
+    rows.append((["all", str(trainings.total()), "", ""], total))
     head = ["training", "runs", "steps at most", "s a step here (estimate)", "hours here"]
-    return TextTable([*head, *(f"hours on a {gpu}" for gpu in _GPUS)], rows)
+    texts = [[format_number(h) if h >= 0.005 else "<0.01" for h in hours] for _, hours in rows]
+    cells = [[*names, *text] for (names, _), text in zip(rows, texts, strict=True)]
+    return TextTable([*head, *(f"hours on a {gpu}" for gpu in _GPUS)], cells)

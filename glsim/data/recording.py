@@ -179,8 +179,8 @@ class Recording:
         if len(chosen) < 2:
             some = counted(len(chosen), "frame") + " in --frames" * (len(self.frames) > 1)
             raise DatasetError(
-                f"{self.path}: has {some}; noise is measured between frames: record at least 30 "
-                "frames of a camera at rest"
+                f"{self.path}: has {some}; noise is measured between frames: record 60 "
+                "frames or more of a camera at rest"
             )
         picked = self.frames[part]
         frames = replace(self, frames=picked).read(most)
@@ -195,7 +195,7 @@ class Recording:
                 advice = f"the longest rest is {names}" + (
                     f": --frames {chosen[first]}:{chosen[last - 1] + 1}" if run else ""
                 )
-                advice += "; record 30 frames or more at rest" if last - first < 8 else ""  # chosen
+                advice += "; record 60 frames or more at rest" if last - first < 8 else ""  # chosen
             raise DatasetError(
                 f"{self.path}: the frames show different scenes ("
                 + (changes[0] if changes else f"{100 * share:.0f} % of the depths are at rest")
