@@ -127,10 +127,8 @@ def test_neutral_settings_change_nothing(
     context: Context, use: str, p: Mapping[str, float]
 ) -> None:
     layers = scene()
-    for written in (
-        run_shader(context, use, layers, FRAME, **p),
-        run_twin(use, layers, FRAME, **p),
-    ):
+    both = run_shader(context, use, layers, FRAME, **p), run_twin(use, layers, FRAME, **p)
+    for written in both:
         for name, image in written.items():
             np.testing.assert_array_equal(image, layers[name])
 

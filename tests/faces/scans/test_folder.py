@@ -44,9 +44,8 @@ def test_names_of_subjects_sequences_and_frames(tmp_path: Path) -> None:
         path.touch()
     (tmp_path / "notes.txt").touch()
     (tmp_path / "empty").mkdir()
-    source = Folder(tmp_path)
-    check: FaceSource = source
-    assert check.name == "folder"
+    source: FaceSource = Folder(tmp_path)
+    assert source.name == "folder"
     assert source.subjects(None) == ["alone", "Joe", "s2", "s10"]
     assert source.subjects(2) == ["alone", "Joe"]
     assert source.frames("alone", None) == [FaceKey("alone", "main", 0, 0.0, "alone.obj")]
@@ -89,14 +88,11 @@ def test_unit_and_axes_are_kept_for_a_subject_and_the_origin_for_a_sequence(tmp_
     # A frame that alone would be read as metres: its subject says centimetres.
     _write(tmp_path / "a/tiny.ply", scale=0.001, axes="+z+x+y")
     source = Folder(tmp_path)
-    by_path = {
-        key.path: face
-        for key, face in zip(all_keys(source), source.load(all_keys(source)), strict=True)
-    }
-    tiny = by_path.pop("a/tiny.ply")
-    assert isinstance(tiny, Face)  # the first mesh in order: all of subject "a" is in metres now
-    smile = by_path["a/smile/1.ply"]
-    assert "it is 21,500 mm across" in str(smile.error)
+    keys = all_keys(source)
+    by_path = dict(zip([key.path for key in keys], source.load(keys), strict=True))
+    # The first mesh in order: all of subject "a" is in metres now.
+    assert isinstance(by_path["a/tiny.ply"], Face)
+    assert "it is 21,500 mm across" in str(by_path["a/smile/1.ply"].error)
 
     (tmp_path / "a/tiny.ply").unlink()
     source = Folder(tmp_path)
@@ -140,9 +136,8 @@ def test_a_face_depends_on_its_key_alone(tmp_path: Path) -> None:
 
 
 def test_bad_meshes_are_bad_faces_and_do_not_stop_the_rest(tmp_path: Path) -> None:
-    (tmp_path / "a").mkdir()
-    (tmp_path / "a/0.obj").write_text("v 0 0 0\n")
     _write(tmp_path / "a/1.ply")
+    (tmp_path / "a/0.obj").write_text("v 0 0 0\n")
     (tmp_path / "a/2.ply").write_bytes(b"garbage")
     (tmp_path / "b").mkdir()
     (tmp_path / "b/0.obj").write_text("v 0 0 0\nv 90 0 0\nv 0 90 0\nf 1 2 3\n")
