@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import check_outputs, print_message
+from glsim.cli.common import check_outputs, print_message, replaced
 from glsim.core.errors import CPU_TORCH, ConfigError, TrainError
 
 
@@ -44,6 +44,7 @@ def adapt(
     if out.suffix != ONNX_SUFFIX:
         raise ConfigError(f"-o {out}: the name must end in {ONNX_SUFFIX}")
     check_outputs(out)
+    again = replaced(out)
     frames = open_maps(recording, unit_mm=depth_unit_mm)
     network = denoiser or choose_network(frames)[0]
     if network not in NETWORKS or network == "face-video":
@@ -52,5 +53,5 @@ def adapt(
     print_message(
         f"wrote {out}: a held-back still frame lies {done.after_mm:.2f} mm from the other's mean "
         f"after {done.steps} steps, by {network} {done.before_mm:.2f}, raw {done.raw_mm:.2f}; "
-        "errors that stay in all frames are not seen by this and may remain"
+        f"errors that stay in all frames are not seen by this and may remain{again}"
     )

@@ -424,6 +424,20 @@ def check_outputs(*files: Path | None) -> None:
             check_can_write(file)
 
 
+def check_new(out: Path) -> None:
+    """Raise ConfigError for a sensor file that exists: a person may have written it."""
+    if out.suffix != ".toml":
+        raise ConfigError(f"-o {out}: give a name that ends in .toml")
+    if out.exists():
+        raise ConfigError(f"-o {out}: is there already: choose another name, or remove it")
+
+
+def replaced(out: Path) -> str:
+    """Return what a message about an output adds if it is there before it is written."""
+    there = any(out.iterdir()) if out.is_dir() else out.exists()
+    return "; what had the same name is replaced" if there else ""
+
+
 def write_json(content: object, file: Path) -> list[Path]:
     """Write a JSON value to a file or stdout; return the written files. Raises DatasetError."""
     if file == STDOUT:

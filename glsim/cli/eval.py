@@ -145,7 +145,7 @@ def named_losses(table: Path) -> Iterator[None]:
     finally:
         after = methods()
         if lost := [name for name in before if name not in after]:
-            print_message(f"{table}: is replaced, without {', '.join(lost)}: -o NEW keeps both")
+            print_message(f"{table}: replaced one with {', '.join(lost)}: next time give -o NEW")
 
 
 def score_and_write(
@@ -169,6 +169,8 @@ def score_and_write(
             job = tune(job, out, count)
         with frame_progress("scoring") as progress:
             written, harms = score(job, out, figures=figures, workers=count, progress=progress)
+        if not job.tuned:  # that of an earlier table
+            (out / "tuning.csv").unlink(missing_ok=True)
     print_written(written)
     for line in filter(None, (job.frames().note, *harms)):
         print_message(line)

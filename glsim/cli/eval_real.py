@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from glsim.cli import eval as cli_eval
 from glsim.cli.common import (
     JsonOption,
     WorkersOption,
@@ -14,14 +15,6 @@ from glsim.cli.common import (
     print_message,
     print_table,
     print_written,
-)
-from glsim.cli.eval import (
-    DenoisersOption,
-    FiguresOption,
-    FocalOption,
-    OutOption,
-    figures_wanted,
-    named_losses,
 )
 from glsim.cli.progress import frame_progress
 from glsim.core.errors import ConfigError
@@ -32,13 +25,13 @@ if TYPE_CHECKING:
 
 def evaluate_real(
     recording: Path,
-    denoiser: DenoisersOption = None,
-    out: OutOption = Path("scores"),
+    denoiser: cli_eval.DenoisersOption = None,
+    out: cli_eval.OutOption = Path("scores"),
     tune_filters: Annotated[bool, typer.Option("--tune-filters")] = False,
     board: str = "5x7",
-    figures: FiguresOption = True,
+    figures: cli_eval.FiguresOption = True,
     workers: WorkersOption = "auto",
-    focal_px: FocalOption = None,
+    focal_px: cli_eval.FocalOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Score denoisers on frames of a camera, which have no clean truth.
@@ -60,7 +53,7 @@ def evaluate_real(
     opened = split_recording(Source(recording, focal_px, pattern=_pattern(board)))
     check_owner(out, str(recording.absolute()))
     specs = list(denoiser or ["face"])
-    figures = figures_wanted(figures)
+    figures = cli_eval.figures_wanted(figures)
     count = worker_count(workers)
     remarks = list(filter(None, [opened.recording.sentence(focal_px)]))
     for remark in remarks:
@@ -100,7 +93,7 @@ def evaluate_real(
         print_json(scores.as_json())
     else:
         _print_summary(scores)
-    with named_losses(out / "table.md"):
+    with cli_eval.named_losses(out / "table.md"):
         print_written(write_real_frames(scores, out, pictures, remarks))
 
 

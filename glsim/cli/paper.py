@@ -8,6 +8,7 @@ from typing import Annotated
 
 import typer
 
+from glsim.cli import eval as cli_eval
 from glsim.cli.common import (
     PlainCommand,
     WorkersOption,
@@ -16,16 +17,6 @@ from glsim.cli.common import (
     print_message,
     print_written,
     with_messages,
-)
-from glsim.cli.eval import (
-    DatasetArgument,
-    DenoisersOption,
-    FiguresOption,
-    OutOption,
-    ProtocolOption,
-    RunsOption,
-    SplitOption,
-    score_and_write,
 )
 from glsim.cli.progress import frame_progress
 from glsim.core.errors import ConfigError
@@ -92,14 +83,14 @@ def reproduce(
 
 
 def tables(
-    dataset: DatasetArgument,
+    dataset: cli_eval.DatasetArgument,
     table: list[int] = [1],  # noqa: B006  # Typer reads it and makes a new list
-    runs: RunsOption = None,
-    denoiser: DenoisersOption = None,
-    split: SplitOption = "test",
-    out: OutOption = Path("scores"),
-    protocol: ProtocolOption = None,
-    figures: FiguresOption = True,
+    runs: cli_eval.RunsOption = None,
+    denoiser: cli_eval.DenoisersOption = None,
+    split: cli_eval.SplitOption = "test",
+    out: cli_eval.OutOption = Path("scores"),
+    protocol: cli_eval.ProtocolOption = None,
+    figures: cli_eval.FiguresOption = True,
     workers: WorkersOption = "auto",
 ) -> None:
     """Write the paper's tables with our values added, and all files of glsim eval.
@@ -117,7 +108,7 @@ def tables(
 
     job = ScoringJob(dataset, split, tuple(denoiser or ()), protocol=check_protocol(protocol))
     score = partial(score_tables, tables=sorted(set(table)), runs=runs)
-    score_and_write(score, job, out, figures, workers)
+    cli_eval.score_and_write(score, job, out, figures, workers)
 
 
 def figures(folder: FolderArgument) -> None:

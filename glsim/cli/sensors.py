@@ -13,6 +13,7 @@ from rich.table import Table
 from glsim.cli.common import (
     SENSORS,
     JsonOption,
+    check_new,
     make_console,
     print_json,
     print_table,
@@ -97,10 +98,7 @@ def _copy(source: Path, out: Path | None) -> None:
     if out is None:
         sys.stdout.write(text)
         return
-    if out.suffix != ".toml":
-        raise ConfigError(f"-o {out}: give a name that ends in .toml")
-    if out.exists():
-        raise ConfigError(f"-o {out}: is there already: choose another name, or remove it")
+    check_new(out)
     # A copy will be changed: it must not pass for the shipped sensor, nor be checked as that.
     text = re.sub(r'^title = "', f'title = "copy of {source.stem}: ', text, flags=re.MULTILINE)
     text = re.sub(r'^(sheet = ".+)', r"# \1", text, flags=re.MULTILINE)

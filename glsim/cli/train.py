@@ -90,7 +90,10 @@ def train(
         print_message(f"{folder}: goes on with {', '.join(begun)}")
     for each in data or ():
         if not is_dataset(each):
-            raise DatasetError(f"--data {each}: is no data set: glsim generate -o {each} makes it")
+            raise DatasetError(
+                f"--data {each}: is no data set of glsim: glsim generate -o NEW makes one; frames "
+                f"of a camera have no clean depth: glsim adapt {each}, glsim eval-real {each}"
+            )
     print_message(f"{chosen.title}: trains in {folder}; loading PyTorch and the data")
 
     try:

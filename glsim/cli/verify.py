@@ -39,10 +39,10 @@ def verify(
 
     problems = find_problems(dataset, deep=deep)
     place = cloud_url(dataset) or dataset
+    counts = {} if problems else open_dataset(dataset).header["frames"]
     if as_json:
         command = repair_command(dataset) if repair else None
-        frames = {} if problems else open_dataset(dataset).header["frames"]
-        print_json({"problems": problems, "frames": frames, "repair": command})
+        print_json({"problems": problems, "frames": counts, "repair": command})
         return 1 if problems else 0
     out = make_console(soft_wrap=True)
     for problem in problems[:_SHOWN]:
@@ -53,7 +53,6 @@ def verify(
         out.print(repair_command(dataset))
     if problems:
         return 1
-    counts = open_dataset(dataset).header["frames"]
     frames = ", ".join(f"{split} {count}" for split, count in counts.items())
     depth = "every image was read" if deep else "images were not read: --deep does"
     print_message(f"{place}: sound: {counted(sum(counts.values()), 'frame')} ({frames}); {depth}")

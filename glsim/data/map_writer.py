@@ -63,6 +63,7 @@ class MapWriter:
         self._simulated_by = sensor or recording.simulated_by
         self.targets = _targets(recording, inputs, out, form)
         self._sources = recording.sources
+        self._replaced = sum(map(Path.exists, self.targets))
         self._sigma: list[Path] = []
         if sigma_out is not None:
             self._sigma = _targets(recording, inputs, sigma_out, "png")
@@ -128,7 +129,8 @@ class MapWriter:
         for number, (holds, files) in enumerate(kinds):
             more = f" and {len(files) - 3} more" if len(files) > 3 else ""
             text += f"; {', '.join(files[:3])}{more} {holds}" if number else f", {holds}"
-        return text
+        again = counted(self._replaced, "file")
+        return f"{text}; {again} of the same name replaced" if self._replaced else text
 
     def _encode(self, frame: DepthFrame, depth_mm: Depth, number: int) -> bytes:
         """Encode a map, in the finest step that holds it; else what is too deep becomes 0."""

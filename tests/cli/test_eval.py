@@ -215,8 +215,10 @@ def test_scores_without_matplotlib_are_tables_and_say_so_first(
     assert not (here / "s" / "report.html").exists()
     assert main([*command, "--no-figures"]) == 0
     assert "no figures" not in capsys.readouterr().err
+    (here / "s" / "tuning.csv").write_text("of the table before")
     assert main(["eval", "pairs", "-d", "nlm", "-o", "s", "--no-figures"]) == 0
-    assert "s/table.md: is replaced, without median: -o NEW" in capsys.readouterr().err
+    assert not (here / "s" / "tuning.csv").exists()
+    assert "s/table.md: replaced one with median: next time give -o NEW" in capsys.readouterr().err
 
 
 @pytest.mark.long

@@ -92,7 +92,7 @@ def test_scores_of_real_frames(here: Path, capsys: pytest.CaptureFixture[str]) -
     assert main(["eval-real", "recording", "-d", "guided", "--no-figures"]) == 0
     told = capsys.readouterr().err
     assert "states no intrinsics: those of kinect-v2 are taken; a camera.toml" in told
-    assert "table.md: is replaced, without median: -o NEW keeps" in told
+    assert "table.md: replaced one with median: next time give -o NEW" in told
     (here / "recording").rename("other")
     assert main(["eval-real", "other", "-d", "guided"]) == 2
     assert "holds the scores of" in capsys.readouterr().err

@@ -55,6 +55,9 @@ train fase --data data
 train face --data data --steps 0
 export data -o out --to plyy
 inspect nothing
+inspect empty # and is no recording
+inspect maps -o look.png # glsim preview maps -o
+fit maps -o broken.toml # is there already
 sensors kinect-v2 -o data
 stages tof_ligt
 compare data
@@ -78,6 +81,7 @@ eval empty -d median
 eval maps -d median
 eval data -d median -o map.png
 train face --data nothing
+train face --data maps # glsim adapt maps
 export damaged -o out --to ply
 verify damaged
 preview data -o map.png/seen
@@ -147,9 +151,9 @@ def test_a_mistake_is_one_line_and_writes_nothing(
     monkeypatch.chdir(folder)
     monkeypatch.setenv("GLSIM_CACHE", str(folder / "cache"))
     before = listing(folder)
-    words = shlex.split(line)
+    words = shlex.split(line, comments=True)
     assert main(words) == status
-    one_line(capsys.readouterr().err, words)
+    assert line.partition("# ")[2] in one_line(capsys.readouterr().err, words)
     left = {name for name in listing(folder) - before if "cache" not in name}
     assert not {name for name in left if Path(name).name != "lock"}, left
 

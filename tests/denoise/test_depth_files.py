@@ -109,7 +109,8 @@ def test_a_deep_map_that_does_not_vote_keeps_its_depth(
     np.testing.assert_allclose(np.median(again.frames[1].noisy_mm), 6900, atol=5)
     cv2.imwrite("in/2.png", np.zeros((40, 48), np.uint16))
     assert denoise("in", "-o", "out") == 0
-    said = "out, in steps of 0.1 mm; out/1.png in steps of 0.2 mm; out/2.png without depth\n"
+    said = "out, in steps of 0.1 mm; out/1.png in steps of 0.2 mm; out/2.png without depth"
+    said += "; 40 files of the same name replaced\n"
     assert said in capsys.readouterr().err
     Path("mine.py").write_text("def nan(depth, valid):\n    return depth * float('nan'), valid\n")
     assert main(["denoise", "in", "-o", "bad", "-d", "mine.py:nan"]) == 1

@@ -33,11 +33,6 @@ def network(**inputs: Any) -> DepthModel:
     return build_model(FACE | inputs | {"backbone": BACKBONES["small_unet"]})
 
 
-def stack_of(depth_mm: Tensor) -> Tensor:
-    """Depth with three neighbours, as ALL asks for."""
-    return torch.cat([depth_mm, depth_mm + 1, depth_mm - 2, depth_mm + 3], 1)
-
-
 def test_the_stack_has_the_nearest_neighbours_first_and_zeros_for_what_is_missing() -> None:
     inputs = NetworkInputs(before=2, after=1)
     images = [np.full((3, 4), value, np.float32) for value in (900, 899, 898, 897)]
@@ -79,7 +74,8 @@ def test_before_training_a_network_with_further_inputs_equals_the_one_it_starts_
         copy_weights(face.state_dict(), started, "best.pt")
         depth_mm = frames()
         count = started.inputs.channels - 1
-        stack = torch.cat([depth_mm, stack_of(depth_mm)[:, 1:].repeat(1, 2, 1, 1)[:, :count]], 1)
+        others = torch.cat([depth_mm + 1, depth_mm - 2, depth_mm + 3] * 2, 1)
+        stack = torch.cat([depth_mm, others[:, :count]], 1)
         mean_mm = depth_mm + mean_over_time(stack[:, 1:], depth_mm).offset_mm
         assert not torch.equal(mean_mm, depth_mm)
         for part, wanted in zip(started(stack), face(mean_mm), strict=True):

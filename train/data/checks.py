@@ -54,6 +54,8 @@ def checked_split(
     """
     if crop is not None and crop < 1:
         raise ConfigError(f"a crop of {crop} pixels: give 1 or more")
+    for layer in layers:
+        dataset.require(layer)
     split = dataset.split(name)
     if not len(split):
         have = ", ".join(f"{n} {dataset.header['frames'][n]}" for n in SPLIT_NAMES)
@@ -61,8 +63,6 @@ def checked_split(
             f"{dataset}: has no frames in its split {name!r} (frames: {have}): generate one "
             "with other shares (--set split=TRAIN,VAL,TEST)"
         )
-    for layer in layers:
-        dataset.require(layer)
     split_of: dict[str, str] = {}
     for pair in dataset:
         this = str(pair.record["split"])

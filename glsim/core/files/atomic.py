@@ -186,7 +186,7 @@ class AtomicFile:
                     flush_folder(path.parent.parent)
                 _remove_stale(path.parent)
                 temporary = path.with_name(_temporary_name())
-            self._file = temporary.open("xb")
+            self._file = _create(temporary)
             self._temporary = temporary
 
     def write(self, data: bytes) -> int:
@@ -249,6 +249,10 @@ def _is_device(path: Path) -> bool:
     except FileNotFoundError:
         return False
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode))
+
+
+def _create(temporary: Path) -> IO[bytes]:
+    return temporary.open("xb")
 
 
 def _temporary_name() -> str:

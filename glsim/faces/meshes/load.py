@@ -182,7 +182,7 @@ def read_mesh(path: Path) -> FileMesh:
     if path.is_dir():
         raise MeshError(
             f"{path}: is a folder, not a mesh: name a mesh in it, or take all by glsim generate "
-            f"--source folder --root {path} -o data"
+            f"--source folder --root {path} -o NEW"
         )
     if suffix not in EXTENSIONS:
         raise MeshError(
