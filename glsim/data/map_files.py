@@ -60,7 +60,10 @@ FLOAT_FORMATS: Final = ("tiff-float", "npy", "exr")
 FAR_MM: Final = 65_500.0
 SATURATED: Final = 65535
 #: Note of commands about integers without a stated unit.
-TAKEN_FOR_MM: Final = "nothing states a unit: whole numbers are taken for mm (--depth-unit-mm)"
+TAKEN_FOR_MM: Final = (
+    "nothing states a unit: whole numbers are taken for mm (unit_mm in a camera.toml, or "
+    "--depth-unit-mm where the command has it)"
+)
 #: Floats are metres if their median is below the first number, millimetres if it is at least the
 #: second: faces are recorded from 0.2 to 20 m. A median between them would be centimetres.
 _METRES_BELOW, _MILLIMETRES_FROM = 20.0, 200.0
