@@ -39,6 +39,9 @@ fi
 target=.
 [ "$extra" = demo ] || target=".[$extra]"
 stamp=.venv/.installed-$extra
+if [ "$extra" = demo ] && .venv/bin/python -c 'import glsim.cli' 2>/dev/null; then
+    exit 0 # what is installed runs the demo, editable or not
+fi
 if [ ! -e "$stamp" ] || [ pyproject.toml -nt "$stamp" ] || [ setup.py -nt "$stamp" ] || [ constraints.txt -nt "$stamp" ]; then
     case $extra in demo) size="290 MB" ;; test*) size="3 GB, more where PyTorch brings CUDA" ;; *) size="minutes" ;; esac
     echo "installing glsim and the packages of '$target' in .venv: $size"

@@ -103,7 +103,7 @@ def result_lines(summary: ScoreSummary) -> list[str]:
             size, low, high = (format_number(-x, unit) for x in (gap.mean, gap.high, gap.low))
             interval = f" (95 % interval {low} to {high})"
             if gap.subjects < FEW_SUBJECTS:
-                interval = " (too few people for an interval)"
+                interval = f" (too few people for an interval: {FEW_SUBJECTS} are needed)"
             people = f"{gap.lower} of {gap.subjects} people"
             if gap.high < 0:
                 line = f"is best {what}: {size} {unit} better than `{other}`{interval}, in {people}"

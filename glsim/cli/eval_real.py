@@ -92,7 +92,7 @@ def evaluate_real(
     if as_json:
         print_json(scores.as_json())
     else:
-        _print_summary(scores)
+        _print_summary(scores, with_pairs=len(opened.partner) > 0)
     with cli_eval.named_losses(out / "table.md"):
         print_written(write_real_frames(scores, out, pictures, remarks))
 
@@ -105,7 +105,7 @@ def _pattern(text: str) -> tuple[int, int]:
     return int(numbers[0]), int(numbers[1])
 
 
-def _print_summary(scores: RealScores) -> None:
+def _print_summary(scores: RealScores, with_pairs: bool) -> None:
     """Print a table of the main measures of each method to stdout."""
     from rich.table import Table
 
@@ -126,7 +126,8 @@ def _print_summary(scores: RealScores) -> None:
         )  # fmt: skip
         table.add_row(name, *map(format_number, numbers))
     print_table(table)
-    print_message(
-        "static pairs cannot see an error that stays from frame to frame, such as a stereo "
-        "camera's: planes show it"
-    )
+    if with_pairs:
+        print_message(
+            "static pairs cannot see an error that stays from frame to frame, such as a stereo "
+            "camera's: planes show it"
+        )
