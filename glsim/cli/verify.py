@@ -24,7 +24,7 @@ def verify(
     repair: Annotated[bool, typer.Option("--repair")] = False,
     as_json: JsonOption = False,
 ) -> int:
-    """Check a data set's header, counts, checksums and splits; find files without a record.
+    """Check a data set's header, counts, splits and lists; find files without a record.
 
     Prints one line per problem. The exit status is 1 if there is a problem. Nothing is changed.
 

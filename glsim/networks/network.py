@@ -147,9 +147,7 @@ class NetworkFunction(DepthFunction):
             for name, image in run_tiled(self._network, padded).items()
         }
         if not all(np.isfinite(image).all() for image in outputs.values()):
-            raise DenoiserError(
-                f"{self._name}: the network returns NaN or infinity: its weights are damaged"
-            )
+            raise DenoiserError(f"{self._name}: the network returns NaN: its weights are damaged")
         return outputs
 
     def _validity(self, probability: Floats) -> Mask | Probability:

@@ -98,26 +98,23 @@ def load_onnx(
         if any(image.shape != (_TRIAL_PX, _TRIAL_PX) for image in outputs.values()):
             raise ValueError("its outputs are not of the size of the frame")
     except Exception as error:  # both runtimes have their own classes of errors
-        reason = " ".join(str(error).split())[:200]
-        raise DenoiserError(f"{path}: is damaged, or is no ONNX network ({reason})") from None
+        reason = " ".join(str(error).split())
+        raise DenoiserError(f"{path}: is damaged, or is no ONNX network ({reason:.200})") from None
     if "depth_mm" not in outputs:
-        raise DenoiserError(
-            f"{path}: has no output 'depth_mm' (but {', '.join(outputs)}): make it with "
-            "glsim export"
-        )
+        found = ", ".join(outputs)
+        raise DenoiserError(f"{path}: has no output 'depth_mm' (but {found}): see glsim export")
     return NetworkFunction(network, str(path), min_probability)
 
 
 def run_onnx(data: bytes, content: OnnxContent, runtime: Runtime | None = None) -> Runner:
     """Make the runner of a network in the bytes of an ONNX file. Raises the runtime's errors."""
-    if runtime == "opencv":
-        return OpenCvNetwork(data, content)
-    try:
-        return OnnxRuntimeNetwork(data, content)
-    except ImportError:
-        if runtime is not None:
-            raise
-        return OpenCvNetwork(data, content)
+    if runtime != "opencv":
+        try:
+            return OnnxRuntimeNetwork(data, content)
+        except ImportError:
+            if runtime is not None:
+                raise
+    return OpenCvNetwork(data, content)
 
 
 class OpenCvNetwork:
@@ -133,7 +130,12 @@ class OpenCvNetwork:
         """Run the network on a stack of inputs, (C, H, W)."""
         for name, blob in _blobs(self.inputs, stack).items():
             self._net.setInput(blob, name)
+        # By several threads OpenCV 5.0.0 returns NaN from 360,448 px on. Measured: right to the bit
+        # up to 358,400 px with 2 to 32 threads, and for any size with one.
+        threads = cv2.getNumThreads()
+        cv2.setNumThreads(1 if stack[0].size > 350_000 else threads)
         images = self._net.forward(self.outputs)
+        cv2.setNumThreads(threads)
         return {name: image[0, 0] for name, image in zip(self.outputs, images, strict=True)}
 
 

@@ -7,6 +7,7 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -37,16 +38,20 @@ def field(number: int, value: bytes | str | int) -> bytes:
     return bytes([number << 3 | 2, len(data)]) + data
 
 
+def test_large_frames_are_right_by_several_threads_of_opencv() -> None:
+    cv2.setNumThreads(2)
+    noise = np.random.default_rng(0).normal(0, 3, (1, 576, 640)).astype(np.float32)
+    depth_mm, *_ = load_onnx(shipped_file("face"), runtime="opencv")(1500 + noise, noise < 99, 0)
+    assert np.abs(depth_mm - 1500).max() < 2
+
+
 @pytest.mark.parametrize(
     ("graph", "words"),
     [
         (field(1, field(4, "Loop")), "the operator 'Loop'"),
         (field(1, field(4, "Conv") + field(7, "my.ops")), "the operator 'my.ops Conv'"),
         (field(5, field(13, field(1, "location"))), "keeps weights in another file"),
-        (
-            field(1, field(4, "Constant") + field(5, field(5, field(13, b"")))),
-            "keeps weights in another file",
-        ),
+        (field(1, field(4, "Constant") + field(5, field(5, field(13, b"")))), "in another file"),
         (field(1, field(4, "Relu")), "has the inputs none"),
         (field(11, field(1, "x")), "has the inputs 'x'"),
     ],
@@ -63,8 +68,7 @@ def test_graphs_that_no_export_wrote(tmp_path: Path, graph: bytes, words: str) -
 def test_a_damaged_file_is_refused_in_one_line_or_still_runs(
     tmp_path_factory: pytest.TempPathFactory, cut: bool, place: float, bit: int
 ) -> None:
-    path = shipped_file("face")
-    data = bytearray(path.read_bytes())
+    data = bytearray(shipped_file("face").read_bytes())
     at = int(place**4 * len(data))  # most often in the graph, which stands before the weights
     if cut:
         del data[at:]
@@ -72,12 +76,9 @@ def test_a_damaged_file_is_refused_in_one_line_or_still_runs(
         data[at] ^= 1 << bit
     damaged = tmp_path_factory.mktemp("net") / "damaged.onnx"
     damaged.write_bytes(data)
-    if cut:
-        with pytest.raises(DenoiserError, match=r"damaged\.onnx[^\n]*$"):
-            load_onnx(damaged, runtime="onnxruntime")
-    else:
-        with suppress(DenoiserError):
-            load_onnx(damaged, runtime="onnxruntime")
+    refused = pytest.raises(DenoiserError, match=r"damaged\.onnx[^\n]*$")
+    with refused if cut else suppress(DenoiserError):
+        load_onnx(damaged, runtime="onnxruntime")
 
 
 def test_files_that_are_missing_too_large_or_have_other_outputs(
