@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.camera import DEFAULT_INTRINSICS, DEFAULT_SENSOR, Intrinsics
+from glsim.core.camera import DEFAULT_INTRINSICS, Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey, Frames, Layer
 from glsim.core.depth_protocol import DepthProtocol, stored_protocol
 from glsim.core.errors import ConfigError, DatasetError, NoDepthError
@@ -35,7 +35,7 @@ from glsim.data.disk_format import FORMAT, HEADER
 from glsim.data.header import is_dataset, read_header, simulated_by
 from glsim.data.map_files import STACKS, open_stack
 from glsim.data.recording import FrameReader, Recording, check_least_size
-from glsim.data.recordings.camera_file import StatedCamera, check_size, sensor_camera
+from glsim.data.recordings.camera_file import StatedCamera, assumed_by, check_size
 from glsim.data.recordings.files import FramePlace, MapFiles, agreed_unit_mm
 from glsim.data.recordings.folders import (
     kind_of,
@@ -155,7 +155,7 @@ def open_maps(
     reader = maps.reader(unit_mm, channel, infrared)
     cameras = maps.checked_cameras(reader.votes.maps_mm[0].shape, needs_camera, along_rays, mirror)
     stated, notes = cameras[maps.files[0].parent], maps.notes + reader.notes
-    taken, assumed = _assumed(stated, maps.files[0])
+    taken, assumed = assumed_by(stated, maps.files[0], reader.votes.maps_mm[0].shape)
     loader = _Loader(reader, kind, mirror, cameras, maps.records, assumed, needs_camera)
     frames = Frames(len(reader), loader, loader.key)
     if reader.ray_channel and not stated.along_ray:
@@ -384,7 +384,7 @@ def _stream_recording(
     depth_mm, _ = stream.depth(0)  # a stream without depth is refused here
     check_size(stated, depth_mm.shape, file or path)
     check_least_size(depth_mm.shape, path)
-    turned, (taken, assumed) = _mirrored(stated, mirror), _assumed(stated, path)
+    turned, (taken, assumed) = _mirrored(stated, mirror), assumed_by(stated, path, depth_mm.shape)
     loader = _Loader(stream, kind, mirror, {path.parent: turned}, assumed=assumed)
     frames = Frames(len(stream), loader, loader.key)
     outputs = tuple(Path(f"{stream.name(number)}.png") for number in range(len(stream)))
@@ -405,16 +405,6 @@ def _open_stream(path: Path, topic: str | None) -> FrameStream:
     from glsim.data.recordings.mkv import MkvStream
 
     return MkvStream(path)
-
-
-def _assumed(stated: StatedCamera, place: Path) -> tuple[str, Intrinsics]:
-    """Return the sensor whose intrinsics are taken if none are stated, and these intrinsics."""
-    if stated.intrinsics is None and stated.sensor:
-        with suppress(ConfigError):  # a sensor file of the user
-            return stated.sensor, sensor_camera(
-                stated.sensor, place
-            ).intrinsics or DEFAULT_INTRINSICS
-    return DEFAULT_SENSOR, DEFAULT_INTRINSICS
 
 
 def _mirrored(stated: StatedCamera, mirror: bool) -> StatedCamera:

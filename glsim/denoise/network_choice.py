@@ -14,6 +14,7 @@ from glsim.core.array_types import Depth
 from glsim.core.depth_map import FLYING_MM
 from glsim.core.units import MM_PER_M
 from glsim.data.recording import Recording
+from glsim.data.recordings.camera_file import SENSORS_OF_SIZE
 from glsim.denoise.registry import SHIPPED, load_denoiser
 from glsim.measures.lattice import distinct_values, estimate_lattice
 from glsim.networks.safeguards import clean_noise_mm, estimate_noise_mm
@@ -39,14 +40,6 @@ _LEAST_CORRELATION, _LEAST_RATIO, _LAG_PX = 0.35, 2.2, 4
 #: Side of the windows of measured pixels in which the size is taken, px, and least number of them.
 _WINDOW_PX, _LEAST_WINDOWS = 11, 200
 
-#: Size of images that only one kind of camera delivers: (width, height), px -> sensor.
-_SIZES: Final = {
-    (512, 424): "kinect-v2",
-    (640, 576): "azure-kinect",
-    (320, 288): "azure-kinect-nfov-binned",
-    (512, 512): "azure-kinect-wfov",
-    (1024, 1024): "azure-kinect-wfov-unbinned",
-}
 #: Sensors that deliver depth in steps of disparity.
 _IN_STEPS: Final = (
     *("realsense-d435", "realsense-d455", "realsense-d415", "realsense-d405"),
@@ -136,7 +129,7 @@ def camera_of(recording: Recording) -> Camera:
     if sensor := stated.sensor or (known[-1] if known else ""):
         return Camera(sensor, f"{recording.stated_by} states it")
     size = width, height = votes.maps_mm[0].shape[::-1]
-    if (sized := _SIZES.get(size)) is not None:
+    if (sized := SENSORS_OF_SIZE.get(size)) is not None:
         return Camera(sized, f"its images have {width} x {height} pixels")
     if votes.step_mm > 0:
         lattice = estimate_lattice(distinct_values(votes.maps_mm, votes.step_mm))

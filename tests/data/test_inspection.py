@@ -10,6 +10,7 @@ from glsim.cli import main
 from glsim.core.errors import ConfigError
 from glsim.core.files.png import encode_png
 from glsim.data.inspection import inspect, open_faces, recognise
+from glsim.data.maps import open_maps
 from tests.support.face_models import write_face_x_model
 from tests.support.face_sets import (
     FACE,
@@ -128,8 +129,8 @@ def test_a_recording_names_its_camera_and_denoiser(
     depth = np.linspace(600, 3000, size[0] * size[1]).reshape(size)
     if lattice:  # 1/32 px of disparity
         depth = np.rint(626813 / np.rint(626813 / depth))
-    Path("frames").mkdir()
-    Path("frames/a.png").write_bytes(encode_png(depth.astype(np.uint16)))
+    put(Path("frames/a.png"), encode_png(depth.astype(np.uint16)))
+    assert open_maps(Path("frames")).assumed == ("azure-kinect" if size[0] == 576 else "kinect-v2")
     assert main(["inspect", "frames"]) == 0
     printed = capsys.readouterr().out
     assert (f"like {sensor}" if sensor else "not recognised") in printed

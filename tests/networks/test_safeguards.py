@@ -22,6 +22,8 @@ from glsim.networks.safeguards import (
 from tests.support.real_cameras import needs_real_cameras, real_depths
 from tests.support.runners import Runs
 
+NOISE_MM = np.random.default_rng(0).normal(0, 2, (96, 96)).astype(np.float32)
+
 
 def ball() -> np.ndarray:
     """A ball of radius 100 mm at 900 mm, 2.5 mm per pixel, without a background."""
@@ -178,8 +180,7 @@ def test_a_network_returns_clean_frames_unchanged_and_drops_untrusted_pixels() -
     np.testing.assert_array_equal(probability, clean > 0)
     assert (sigma < 0.33).all()
     np.testing.assert_allclose(run(clean, clean=False)[0], clean + 5, rtol=1e-6)
-    noise = np.random.default_rng(0).normal(0, 2, clean.shape).astype(np.float32)
-    noisy = np.where(clean > 0, clean + noise, 0)
+    noisy = np.where(clean > 0, clean + NOISE_MM, 0)
     depth, probability, _ = run(noisy)
     np.testing.assert_allclose(depth, noisy + 5, rtol=1e-6)
     assert (probability[:, :40] == 0).all()
@@ -190,8 +191,7 @@ def test_a_network_returns_clean_frames_unchanged_and_drops_untrusted_pixels() -
 @pytest.mark.parametrize(("found", "kept"), [(0.1, 0.1), (0.4, 0.0)])
 def test_unlikely_measured_pixels_keep_their_probability(found: float, kept: float) -> None:
     """A rejected pixel of low probability keeps it, so that the composite can drop it."""
-    noise = np.random.default_rng(0).normal(0, 2, ball().shape).astype(np.float32)
-    noisy = np.where(ball() > 0, ball() + noise, 0).astype(np.float32)
+    noisy = np.where(ball() > 0, ball() + NOISE_MM, 0).astype(np.float32)
     left = np.s_[:, :40]
     probability = run(noisy, found)[1]
     np.testing.assert_allclose(probability[left], np.where(noisy > 0, kept, 0)[left])
@@ -225,8 +225,7 @@ def test_face_stereo_denoises_what_passes_for_clean(sensor: str, distance_mm: in
 
 
 def test_a_minimum_probability_gives_a_mask() -> None:
-    noise = np.random.default_rng(0).normal(0, 2, ball().shape).astype(np.float32)
-    noisy = np.where(ball() > 0, ball() + noise, 0).astype(np.float32)
+    noisy = np.where(ball() > 0, ball() + NOISE_MM, 0).astype(np.float32)
     for probability, kept in ((0.99, True), (0.9999, False)):  # the network's is 0.9998
         valid = run(noisy, least=probability)[1]
         assert valid.dtype == bool

@@ -16,13 +16,14 @@ baseline_m = 0.0502                    optional: cameras that triangulate
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from glsim.core.camera import Distortion, Intrinsics
+from glsim.core.camera import DEFAULT_INTRINSICS, DEFAULT_SENSOR, Distortion, Intrinsics
 from glsim.core.errors import ConfigError, DatasetError, did_you_mean
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.regular import MOST_HELD, read_data
@@ -30,6 +31,14 @@ from glsim.settings.toml_tables import TomlTable, parse_table, read_toml, toml_v
 
 #: The file that describes the camera, beside the frames.
 CAMERA_FILE = "camera.toml"
+#: Size of images that only one kind of camera delivers: (width, height), px -> sensor.
+SENSORS_OF_SIZE: Final = {
+    (512, 424): "kinect-v2",
+    (640, 576): "azure-kinect",
+    (320, 288): "azure-kinect-nfov-binned",
+    (512, 512): "azure-kinect-wfov",
+    (1024, 1024): "azure-kinect-wfov-unbinned",
+}
 #: First line of a file that glsim wrote and may replace.
 _WRITTEN: Final = b"# written by glsim beside its maps, which it describes"
 
@@ -141,9 +150,17 @@ def sensor_camera(name: str, where: Path) -> StatedCamera:
     sensor = load_sensor(name)
     rig, matcher = sensor.rig, sensor.matcher
     unit = None if matcher is None else matcher.settings["depth_unit_mm"].bounds()[0]
-    return StatedCamera(
-        rig.intrinsics, opencv_order(rig.distortion), unit, rig.baseline_m or None, sensor.title
-    )
+    lens, baseline_m = opencv_order(rig.distortion), rig.baseline_m or None
+    return StatedCamera(rig.intrinsics, lens, unit, baseline_m, sensor.title)
+
+
+def assumed_by(stated: StatedCamera, place: Path, shape: tuple[int, ...]) -> tuple[str, Intrinsics]:
+    """Return the sensor whose intrinsics are taken if none are stated, and these intrinsics."""
+    sensor = stated.sensor or SENSORS_OF_SIZE.get((shape[1], shape[0]), DEFAULT_SENSOR)
+    if stated.intrinsics is None and sensor != DEFAULT_SENSOR:
+        with suppress(ConfigError):  # a sensor file of the user
+            return sensor, sensor_camera(sensor, place).intrinsics or DEFAULT_INTRINSICS
+    return DEFAULT_SENSOR, DEFAULT_INTRINSICS
 
 
 def opencv_order(lens: Distortion) -> tuple[float, ...]:
