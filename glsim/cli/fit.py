@@ -95,7 +95,7 @@ def fit(
         if not better:
             table.append(f"Not better than {own} by two standard errors: {own} is recommended.")
             if own == "kinect-v2-fast":  # without halo and haze, so that fitting takes minutes
-                table.append("kinect-v2, -sdk have a Kinect's rims, too: glsim compare --replay.")
+                table.append("kinect-v2, kinect-v2-sdk simulate rims, too: glsim compare --replay.")
     head = [f"# {line}" for line in (*table, f"Base: {choice.text}")]
     lines = {**fitted.lines, "base": choice.text.replace(choice.name, own, 1)}
     fitted = replace(fitted, text="\n".join(head) + "\n" + fitted.text, lines=lines)
