@@ -116,11 +116,9 @@ def adapt(
         network: name of a shipped network that sees one frame.
         announce: called with a line at the start and after each look at the held-back pair.
 
-    Returns:
-        What the held-back pair says.
+    Returns what the held-back pair says.
 
-    Raises:
-        TrainError: fewer than two still pairs, or the held-back pair does not come nearer.
+    Raises TrainError: fewer than two still pairs, or the held-back pair does not come nearer.
     """
     pairs = _still_pairs(frames)
     if len(pairs) < 2:

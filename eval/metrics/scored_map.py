@@ -69,8 +69,7 @@ class ScoredMap:
 
     Raises DenoiserError: the prediction has another shape, or depth that is negative or NaN.
 
-    Args:
-        prediction_mm: (H, W) millimetres, 0 = no depth.
+    ``prediction_mm``: (H, W) millimetres, 0 = no depth.
     """
 
     def __init__(self, prediction_mm: NDArray[np.generic], truth: Truth) -> None:

@@ -10,6 +10,7 @@ import typer
 from glsim.cli.common import print_message, replaced, split_names
 from glsim.core.errors import CPU_TORCH, ConfigError, DatasetError, TrainError, counted
 from glsim.core.files.cloud import cloud_url
+from glsim.data.disk_format import HEADER
 
 
 def export(
@@ -40,6 +41,8 @@ def export(
         from glsim.data.export import export_dataset
         from glsim.data.reader import open_dataset
 
+        if (best := source / "best.pt").is_file():
+            raise ConfigError(f"{source}: is the folder of a run: give {best}")
         if out.exists() and not out.is_dir():
             raise DatasetError(f"-o {out}: is a file: give a folder")
         formats, kept = split_names(to) or ["npz"], split_names(layers)
@@ -48,6 +51,8 @@ def export(
         print_message(f"wrote {counted(done, 'frame')} as {', '.join(formats)} to {out}{again}")
     elif not source.exists():
         raise ConfigError(f"{source}: no such data set or checkpoint")
+    elif source.name == HEADER:
+        raise ConfigError(f"{source}: give the folder of the data set: {source.parent}")
     elif any(option is not None for option in (to, layers, split, frames)):
         raise ConfigError(f"{source}: is no data set, as --to, --layers, --split, --frames need")
     else:

@@ -19,6 +19,8 @@ from glsim.cli.common import (
     print_message,
     print_written,
 )
+from glsim.core.errors import ConfigError
+from glsim.data.disk_format import HEADER
 
 
 def render(
@@ -59,6 +61,8 @@ def render(
     from glsim.simulation.frame import LAYERS, Frame
     from glsim.simulation.pipeline import simulate
 
+    if (face / HEADER).is_file():
+        raise ConfigError(f"{face}: is a data set, not a mesh: glsim preview {face} shows it")
     given = overrides(
         sensor=sensor, seed=seed, output__crop=crop, output__depth_unit_mm=depth_unit_mm
     )

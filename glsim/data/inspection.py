@@ -104,12 +104,10 @@ def inspect(path: Path, kind: str, source: FaceSource, sample: int) -> FaceSetRe
             placement, doubts = describe_notes(result.notes)
             if placement:
                 report.placements[placement] += 1
-            for doubt in doubts:
-                report.problems[f"{result.key.subject}: {doubt}"] += 1
+            report.problems.update(f"{result.key.subject}: {doubt}" for doubt in doubts)
     if sizes:
-        vertices, triangles = zip(*sizes, strict=True)
-        report.vertices = min(vertices), max(vertices)
-        report.triangles = min(triangles), max(triangles)
+        counts = zip(*sizes, strict=True)
+        report.vertices, report.triangles = ((min(each), max(each)) for each in counts)
     return report
 
 
@@ -118,10 +116,8 @@ def preview_faces(
 ) -> Iterator[DepthFrame]:
     """Render frames with an ideal sensor at 0.9 m, leaving out frames that fail."""
     settings = load_settings(overrides={"sensor": "ideal"})
-    tasks = [
-        Task(number, "train", key.subject, 0, key, ScopeSeeds(0, 0, 0), 0)
-        for number, key in enumerate(keys)
-    ]
+    seeds = ScopeSeeds(0, 0, 0)
+    tasks = [Task(n, "train", key.subject, 0, key, seeds, 0) for n, key in enumerate(keys)]
     for result in simulate(settings, tasks, sources=[source], backend=backend):
         if isinstance(result, Frame):
             key = result.key

@@ -94,7 +94,7 @@ class Dataset:
         wanted = ",".join(sorted({"clean", "noisy", layer}))
         advice = f"generate it with --set output.layers={wanted}"
         if layer == "clean":
-            advice += " (recordings have none: glsim compare and glsim denoise take them)"
+            advice += " (recordings have none: glsim eval-real, compare and denoise take them)"
         raise DatasetError(f"{self}: has no layer {layer!r}: {advice}")
 
     @property

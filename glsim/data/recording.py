@@ -32,6 +32,8 @@ MOST_STATIC = 256
 #: half of it; of a camera that moves less stays.
 #: And largest share of frames that still differ from the next when what moves is masked.
 _LEAST_STILL, _MOST_CHANGES = 0.2, 0.2
+#: Smallest number of frames at rest that is proposed. Chosen.
+_LEAST_RUN = 8
 #: Smallest side of a depth frame, px: slopes and 3 x 3 windows need neighbours.
 _LEAST_PX = 8
 #: A long recording is thinned in groups of this number of frames, so that static pairs stay.
@@ -188,14 +190,11 @@ class Recording:
         changes = [reason for a, b in pairwise(still) if (reason := view_change(a, b, parts=False))]
         if share < _LEAST_STILL or len(changes) > _MOST_CHANGES * (len(still) - 1):
             first, last = longest_still(frames)
-            names = f"{frames[first].name} to {frames[last - 1].name}"
-            advice = "give a recording of a camera that does not move"
-            if last - first > 1:
-                run = len(frames) == len(picked)
-                advice = f"the longest rest is {names}" + (
-                    f": --frames {chosen[first]}:{chosen[last - 1] + 1}" if run else ""
-                )
-                advice += "; record 60 frames or more at rest" if last - first < 8 else ""  # chosen
+            advice = "record 60 frames or more of a camera that does not move"
+            if last - first >= _LEAST_RUN:
+                advice = f"the longest rest is {frames[first].name} to {frames[last - 1].name}"
+                if len(frames) == len(picked):
+                    advice += f": --frames {chosen[first]}:{chosen[last - 1] + 1}"
             raise DatasetError(
                 f"{self.path}: the frames show different scenes ("
                 + (changes[0] if changes else f"{100 * share:.0f} % of the depths are at rest")

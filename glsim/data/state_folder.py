@@ -76,9 +76,8 @@ class RunState:
                 stack.enter_context(lock(wait=True))
             if part is not None:
                 other = f"part {part} is being made by another process: wait until it ends"
-                part_busy = DatasetError(f"{self.store}: {other}")
-                name = f"{STATE}/part-{part.name}.lock"
-                stack.enter_context(self.store.lock(name, part_busy))
+                name, part_busy = f"{STATE}/part-{part.name}.lock", f"{self.store}: {other}"
+                stack.enter_context(self.store.lock(name, DatasetError(part_busy)))
                 temporary += f"/{part.name}"
             state = RunState(stack.enter_context(self.store.writing(temporary)))
             # Object storage holds no lock: another run may be about to write its first frame.
@@ -149,8 +148,9 @@ class RunState:
         noted = self.store.read(_PARTS, _MAX_BYTES) or b""
         match = re.fullmatch(rb"([1-9]\d{0,5}) parts, (\d{1,7}) chunks\n", noted)
         parts, chunks = (int(match[1]), int(match[2])) if match else (1, 0)
-        missing = sorted({n % parts for n in {*range(chunks)} - self.recorded_chunks()})
-        names = ", ".join([*map(str, missing[:_NAMED]), *["..."][: len(missing) > _NAMED]])
+        missing = sorted({n % parts or parts for n in {*range(chunks)} - self.recorded_chunks()})
+        named = [f"{n} (or 0)" if n == parts else str(n) for n in missing[:_NAMED]]
+        names = ", ".join([*named, *["..."][: len(missing) > _NAMED]])
         return f"part{'s'[: len(missing) - 1]} {names} of {parts}" if missing else ""
 
     def save_chunk(self, record: ChunkRecord) -> None:

@@ -19,6 +19,7 @@ from glsim.settings.schema import SPLIT_NAMES
 
 _Record = Mapping[str, Any]
 _PERSON = itemgetter("split", "subject")
+STRAY = "is in no record: delete it, or move it out"
 
 
 def verify(path: Path | str, deep: bool = False, *, strays: bool = True) -> list[str]:
@@ -154,7 +155,7 @@ class _Verification:
             names = [f"{folder}/{name}" for name in self._store.names(folder)]
         except DatasetError:
             return  # its images are reported already
-        yield from (f"{name} is in no record" for name in names if name not in images)
+        yield from (f"{name} {STRAY}" for name in names if name not in images)
 
     def _stray_entries(self) -> Iterator[str]:
         """Yield unrecorded files in the splits; other top-level files are allowed."""
@@ -164,7 +165,7 @@ class _Verification:
         for name in top:
             shard = name.endswith(".tar") and name.partition("-")[0] in SPLIT_NAMES
             if shard and name not in listed:
-                yield f"{name} is in no record"
+                yield f"{name} {STRAY}"
         for split in (split for split in SPLIT_NAMES if split in top):
             try:
                 entries = self._store.names(split)
@@ -177,4 +178,4 @@ class _Verification:
                 seen[entry] = split
                 name = f"{split}/{entry}"
                 if name not in self._folders and name not in listed:
-                    yield f"{name} is in no record"
+                    yield f"{name} {STRAY}"

@@ -183,8 +183,7 @@ class Stacks:
         Neighbours have the same sequence and size, and are shifted to the offset of the frame.
         Unreadable neighbours are left out. Raises DatasetError if the frame itself cannot be read.
 
-        Args:
-            before, after: largest numbers of neighbours. Default: as many as the reader keeps.
+        ``before``, ``after``: largest numbers of neighbours. Default: as many as the reader keeps.
         """
         before = self._before if before is None else before
         after = self._after if after is None else after

@@ -52,8 +52,7 @@ def load_model(path: Path) -> tuple[DepthModel, NetworkRecord]:
 
     Raises DenoiserError for a file that is truncated, foreign, or does not fit the models of glsim.
 
-    Args:
-        path: best.pt, last.pt or a safetensors file.
+    ``path``: best.pt, last.pt or a safetensors file.
     """
     try:
         content: dict[str, Any] = checkpoint.load(path)
@@ -75,8 +74,7 @@ def load_network(path: Path, min_probability: float = 0.0) -> NetworkFunction:
 
     Raises DenoiserError as ``load_model``.
 
-    Args:
-        path: best.pt, last.pt or a safetensors file.
+    ``path``: best.pt, last.pt or a safetensors file.
         min_probability: see ``NetworkFunction``; networks that code "no depth" as 0 ignore it.
     """
     return NetworkFunction(TorchNetwork(*load_model(path)), str(path), min_probability)

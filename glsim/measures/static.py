@@ -152,8 +152,8 @@ def _change(first: Floats, lag: int, second: Floats, parts: bool = True) -> str:
     change = second.astype(np.float64) - first
     known = change[np.isfinite(change)]
     seen = min(int(np.isfinite(first).sum()), int(np.isfinite(second).sum()))
-    if known.size < max(_LEAST_PIXELS, _LEAST_SHARED * seen):
-        return f"only {100 * known.size / max(seen, 1):.0f} % of the depths are in both"
+    if known.size < (least := max(_LEAST_PIXELS, _LEAST_SHARED * seen)):
+        return f"{known.size} of the compared pixels have depth in both, fewer than {least:.0f}"
     median_mm = float(np.median(np.abs(known)))
     moved = median_mm > _MOST_SHARE * float(np.median(first[np.isfinite(change)]))
     if not moved and median_mm > _MOST_MEDIAN_MM:

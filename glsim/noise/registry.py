@@ -66,7 +66,10 @@ def find_stage(use: str, beside: Path | None = None) -> StageSpec:
     if is_code(use):
         return _python_spec(use, beside)
     if use.endswith(".glsl"):
-        return shader_stage((beside or Path()) / use)
+        file = (beside or Path()) / use
+        if not file.exists():
+            raise ConfigError(f"{file.name}: no such file in {file.absolute().parent}")
+        return shader_stage(file)
     if use in plugin_names("stages", _shipped()):
         return _plugin_spec(use)
     raise ConfigError(

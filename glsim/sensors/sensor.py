@@ -214,6 +214,8 @@ def read_sensor_tree(file: Path, before: tuple[Path, ...] = ()) -> dict[str, Any
     ``before``: the files that extend this file, to refuse a circle.
     """
     own = read_toml(file)
+    if own.keys() & Settings.model_fields.keys() - _SensorFile.model_fields.keys():
+        raise ConfigError(f"{file}: holds settings, not a sensor: give it as --config")
     base = own.pop(EXTENDS, None)
     if base is None:
         return own
@@ -235,7 +237,7 @@ def _bin(tree: dict[str, Any], binning: Any, file: Path) -> None:
     """Multiply the parameters of _BINNED, in place, for a mode that averages pixels."""
     if binning not in (1, 2, 4):
         raise ConfigError(f"{file}: {BINNING} must be 1, 2 or 4, not {binning!r}")
-    named = {_name(stage, file): stage for stage in tree.get("stage", [])}
+    named = {name_of_stage(stage, file): stage for stage in tree.get("stage", [])}
     named["rig"] = tree.get("rig", {})
     for (name, key), power in _BINNED.items():
         if key in named.get(name, {}):
@@ -269,15 +271,15 @@ def _merge_stages(tree: dict[str, Any], own: Any, file: Path, other: Path) -> No
     tables = (stages, own)
     if not all(isinstance(t, list) and all(isinstance(s, dict) for s in t) for t in tables):
         raise ConfigError(f"{file}: write each stage as a table of its own, [[stage]]")
-    known = {_name(stage, other): stage for stage in stages}
+    known = {name_of_stage(stage, other): stage for stage in stages}
     for stage in own:
-        if (name := _name(stage, file)) in known:
+        if (name := name_of_stage(stage, file)) in known:
             known[name].update(stage)
         else:
             stages.append(stage)
 
 
-def _name(stage: dict[str, Any], file: Path) -> str:
+def name_of_stage(stage: Mapping[str, Any], file: Path) -> str:
     """Return the name of a [[stage]] table in the chain: ``name``, else the name of its code."""
     use = stage.get("use")
     if not isinstance(use, str):

@@ -373,6 +373,10 @@ def load_settings(
     Raises ConfigError: a file that cannot be read, an unknown key or an invalid value.
     """
     tree: dict[str, Any] = read_toml(file) if file is not None else {}
+    if "extends" in tree or isinstance(tree.get("stage"), list):
+        raise ConfigError(
+            f"{file}: holds no settings: give a sensor as --sensor, a recipe to train"
+        )
     where = str(file) if file is not None else "settings"
     places: dict[tuple[str, ...], str] = {}
     for text in assignments:

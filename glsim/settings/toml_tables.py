@@ -59,6 +59,8 @@ def read_toml(file: Path) -> dict[str, Any]:
         place = re.search(r"at line (\d+)", reason)
         if place and re.search(r'"[^"]*\\', text.splitlines()[int(place[1]) - 1]):
             reason = f"line {place[1]}: {_BACKSLASH}"
+        if text.lstrip().startswith("{"):
+            reason = "is JSON, not TOML, which has lines such as seed = 3"
         raise ConfigError(f"{file}: {reason}") from None
 
 

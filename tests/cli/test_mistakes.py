@@ -24,17 +24,10 @@ genrate -o data
 generate
 generate -o data --subjects 0
 generate -o new --subjects 99999999999999999999999
-generate -o new --source peple
 generate -o new --source folder
 generate -o new --root maps
-generate -o new --sensor broken.toml
+generate -o new --sensor own.toml # none.glsl: no such file in
 generate -o new --preset offce
-generate -o new --config latin.toml
-generate -o new --set pose.yaw_dg=3
-generate -o new --set pose.distance_mm=inf
-generate -o new --set 'pose.yaw_deg={ uniform = [30, -30] }'
-generate -o new --set output.layers=clean,nosy
-generate -o new --set split=0.5,0.6,0.2
 generate -o http://server/data --subjects 1
 generate -o new --part 3/2
 generate -o new --part 1/2 --ray auto
@@ -49,11 +42,17 @@ denoise map.png -o map.png
 preview results
 inspect results
 denoise map.png -o out.png -d medan
-denoise map.png -o out.png -d median:size=4
 eval data -d median -o scored
 train fase --data data
 train face --data data --steps 0
 export data -o out --to plyy
+export results/figures -o out # folder of a run: give results/figures/best.pt
+export data/dataset.json -o out # data set: data
+render data # is a data set, not a mesh
+generate -o new --config data/dataset.json # is JSON
+generate -o new --config own.toml # as --sensor
+generate -o new --sensor seed.toml # as --config
+import biwi nothing -o new # the biwi set
 inspect nothing
 inspect empty # and is no recording
 inspect maps -o look.png # glsim preview maps -o
@@ -109,14 +108,15 @@ def fill(place: Path) -> None:
         (place / f"{name}.png").write_bytes(image)
     Image.new("RGB", (40, 32)).save(place / "colour.png")
     (place / "broken.toml").write_text("[rig\n")
-    (place / "latin.toml").write_bytes(b'title = "caf\xe9"\n')
+    (place / "seed.toml").write_text("seed = 3\n")
+    (place / "own.toml").write_text('extends = "ideal"\n[[stage]]\nuse = "none.glsl"\n')
     (place / "face.obj").write_text("no mesh")
     (place / "nan.obj").write_text("v 0 1 0\nv 0 0 1\nv nan 0 0\nf 1 2 3\n")
     (place / "damaged").mkdir()
     (place / "damaged" / "dataset.json").write_text('{"format')
     (place / "empty").mkdir()
     (place / "results/figures").mkdir(parents=True)
-    for name in ("table.md", "rows.csv", "figures/bias.png"):
+    for name in ("table.md", "rows.csv", "figures/bias.png", "figures/best.pt"):
         (place / "results" / name).write_text("scores")
     (place / "scored/.blocks").mkdir(parents=True)
     (place / "scored/.blocks/scored").write_text("test of another data set")

@@ -39,8 +39,8 @@ def test_problems_are_listed_one_a_line(tree: Path, capsys: pytest.CaptureFixtur
     data = bytearray((tree / PNG).read_bytes())
     data[-30] ^= 1
     (tree / PNG).write_bytes(data)
-    (tree / "train" / "s000" / "stray[b].png").touch()
-    assert verify(capsys, tree)[1] == ["train/s000/stray[b].png is in no record"]
+    (tree / (stray := "train/s000/stray[b].png")).touch()
+    assert verify(capsys, tree)[1] == [f"{stray} is in no record: delete it, or move it out"]
     status, problems, _ = verify(capsys, tree, "--deep")
     assert status == 1
     assert problems[0].startswith(f"{PNG}: was changed after it was written")

@@ -144,7 +144,7 @@ def test_parts_are_merged_by_the_last_one(here: None, memory: str, expected) -> 
 
     first = part(1)
     assert first.dataset is None
-    assert first.missing == "part 0 of 2"
+    assert first.missing == "part 2 (or 0) of 2"
     assert part(0).dataset is not None
     assert stored(memory) == expected
 
@@ -194,6 +194,6 @@ def test_verify_finds_what_is_wrong_in_a_bucket(here: None, memory: str) -> None
         "skipped.jsonl is missing",
         "test-000000.tar is missing",
         "train-000001.tar is not what was written: its CRC32 differs",
-        "train-000007.tar is in no record",
+        "train-000007.tar is in no record: delete it, or move it out",
     ]
     assert verify(f"{memory}-none")[0].endswith("it has no dataset.json")

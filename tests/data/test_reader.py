@@ -12,7 +12,7 @@ from glsim.core.errors import DatasetError
 from glsim.core.files.png import encode_png
 from glsim.data.dataset_run import write_dataset
 from glsim.data.reader import Dataset, open_dataset
-from glsim.data.verification import verify
+from glsim.data.verification import STRAY, verify
 from tests.support.dataset_fakes import (
     FORMATS,
     contents,
@@ -172,9 +172,9 @@ def test_verify_finds_missing_changed_and_stray_files(tree: Path) -> None:
     (tree / "val" / "notes.txt").touch()
     problems = verify(tree)
     assert [problem for problem in problems if "is missing" not in problem] == [
-        "val/s003/extra.png is in no record",
-        "val/notes.txt is in no record",
-        "val/s999 is in no record",
+        "val/s003/extra.png is in no record: delete it, or move it out",
+        "val/notes.txt is in no record: delete it, or move it out",
+        "val/s999 is in no record: delete it, or move it out",
     ]
 
 
@@ -221,4 +221,4 @@ def test_verify_finds_wrong_counts_and_strange_shards(tree: Path, shards: Path) 
     ]
     (shards / "train-000007.tar").touch()
     (shards / "val-000000.tar").unlink()
-    assert verify(shards) == ["val-000000.tar is missing", "train-000007.tar is in no record"]
+    assert verify(shards) == ["val-000000.tar is missing", f"train-000007.tar {STRAY}"]

@@ -58,9 +58,7 @@ class Control:
 
     def position(self, value: float) -> float:
         """Convert a value to a position of the slider."""
-        if not self.log_scale:
-            return value
-        return math.log10(max(value, self.least))
+        return math.log10(max(value, self.least)) if self.log_scale else value
 
     def value(self, position: float) -> float:
         """Convert a position of the slider to a value."""

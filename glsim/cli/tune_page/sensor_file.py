@@ -12,7 +12,7 @@ from tomlkit.items import AoT, Table
 from glsim.cli.tune_page.tuning import Tuning
 from glsim.core.errors import ConfigError
 from glsim.core.files.atomic import write_atomic
-from glsim.sensors.sensor import EXTENDS, RIG_FILES, Sensor
+from glsim.sensors.sensor import EXTENDS, RIG_FILES, Sensor, name_of_stage
 from glsim.settings.schema import Settings
 from glsim.settings.toml_tables import toml_value
 
@@ -80,7 +80,7 @@ def sensor_text(tuning: Tuning, sensor: Sensor, file: Path) -> str:
     rig = given if isinstance(given, Table) else tomlkit.table()
     entries = document.get("stage", tomlkit.aot())
     _anchor_paths(document, rig, entries, sensor.file.parent)
-    by_name = {_name(entry): entry for entry in entries}
+    by_name = {name_of_stage(entry, sensor.file): entry for entry in entries}
     _add_missing(entries, by_name, tuning, sensor, extends=EXTENDS in document)
     for stage in tuning.code:
         entry = by_name[stage]
@@ -138,7 +138,8 @@ def _add_missing(
         entry["use"] = stage.spec.name
         if stage.spec.name != stage.name:
             entry["name"] = stage.name
-        places = (n for n, other in enumerate(entries) if _name(other) in order[number:])
+        names = [name_of_stage(other, sensor.file) for other in entries]
+        places = (n for n, name in enumerate(names) if name in order[number:])
         entries.insert(next(places, len(entries)), entry)
 
 
@@ -153,12 +154,6 @@ def _anchor_paths(document: tomlkit.TOMLDocument, rig: Table, entries: Any, fold
         use = str(entry["use"])
         if use.endswith(".glsl") and not Path(use).is_absolute():
             entry["use"] = str((folder / use).resolve())
-
-
-def _name(entry: Mapping[str, Any]) -> str:
-    use = str(entry["use"])
-    stem = Path(use).stem if use.endswith(".glsl") else use.rpartition(":")[2]
-    return str(entry.get("name", stem))
 
 
 def _plain(value: Any, sensor: Sensor, table: str, key: str) -> Any:

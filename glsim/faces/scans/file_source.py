@@ -37,7 +37,7 @@ class FileFaces(FaceSource):
     def __init__(self, root: Path | str, unit: str = "auto", axes: str = "auto") -> None:
         check_unit(unit)
         check_axes(axes)
-        self.root = check_root(root)
+        self.root = check_root(root, self.name)
         self._unit, self._axes = unit, axes
         self._results: dict[Any, Any] = {}  # cache of read_once: a result or an error
         self._topologies: list[NDArray[np.int32]] = []

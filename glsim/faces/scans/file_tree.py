@@ -13,12 +13,13 @@ _UNSAFE: Final = re.compile(r"[^A-Za-z0-9_+-]")
 _NUMBER: Final = re.compile(r"(\d+)", re.ASCII)
 
 
-def check_root(root: Path | str) -> Path:
+def check_root(root: Path | str, kind: str = "folder") -> Path:
     """Return the root as a Path. Raises ConfigError if it is not a folder."""
     root = Path(root)
     if not root.is_dir():
         problem = "is a file, not a folder" if root.exists() else "there is no such folder"
-        raise ConfigError(f"{root}: {problem}; give the folder that contains the meshes")
+        wanted = "meshes" if kind == "folder" else f"{kind} set"
+        raise ConfigError(f"{root}: {problem}; give the folder that contains the {wanted}")
     return root
 
 

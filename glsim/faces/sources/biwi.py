@@ -89,10 +89,8 @@ class Biwi(FileFaces):
             numbers = {last_number(name) or 0: name for name in names}
             first = min(numbers, default=0)
             for number in sorted(numbers)[:: self._every]:
-                time_s, path = (
-                    (number - first) / FRAMES_PER_SECOND,
-                    f"{recording}/{numbers[number]}",
-                )
+                time_s = (number - first) / FRAMES_PER_SECOND
+                path = f"{recording}/{numbers[number]}"
                 keys.append(FaceKey(subject, recording, number, time_s, path))
         return keys[:count]
 

@@ -97,9 +97,7 @@ def _seat(face: Face, floor_mm: float) -> tuple[float, float] | None:
         return None
     back = float(np.percentile(z[trunk], 2))
     hips = (np.abs(x) < 160) & (z > back) & (z < back + 250) & (height > 0.2) & (height < 0.6)
-    if not hips.any():
-        return None
-    return _rounded(float(y[hips].min())), _rounded(back)
+    return (_rounded(float(y[hips].min())), _rounded(back)) if hips.any() else None
 
 
 def _rounded(place_mm: float) -> float:
