@@ -221,7 +221,7 @@ def test_tables_say_the_same(pairs: Path, tmp_path: Path) -> None:
     assert int(table["noisy", "filled_rmse_mm"]["undefined"]) == 12
     text = (out / "table.md").read_text()
     assert format_number(float(mse["mean"])) in text
-    assert re.search(r"Undefined in 12 frame\(s\), .* filled_rmse_mm.*: .*`noisy`", text)
+    assert re.search(r"Undefined in 12 frames, .* filled_rmse_mm.*: .*`noisy`", text)
     assert "are too few for intervals" in text
     assert "In brackets" not in text
     assert "0.9986" in (out / "paper_table_1.md").read_text()
