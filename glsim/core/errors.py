@@ -92,12 +92,12 @@ def counted(number: int, one: str, many: str = "") -> str:
 
 
 def with_mesh_option(text: str, before: str) -> str:
-    """Write the unit=... and axes=... of a message of ``load_mesh`` as typed after ``before``."""
+    """Put ``before``, such as "--", before the unit=... and axes=... of a mesh's error message."""
     return re.sub(r"(?<![\w.-])(unit|axes)='?([\w.+-]*\w)'?", rf"{before}\1=\2", text)
 
 
 def did_you_mean(name: str, known: Iterable[str], table: str = "") -> str:
-    """Return the end of an "unknown name" message: similar names in a table or, without one, all.
+    """Suggest names for an unknown one: similar names, after their table, or else all known names.
 
     Without a similar one, names that contain the unknown one: "d435" means "realsense-d435".
     """

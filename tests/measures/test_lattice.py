@@ -28,7 +28,7 @@ def test_a_planted_constant_is_found(constant: float, low: int, high: int) -> No
 
 @pytest.mark.parametrize("phase", [0.3, 0.5, 0.8])
 def test_a_planted_phase_is_found(phase: float) -> None:
-    """As a Kinect V1 counts its steps, in a crop with a head and a wall."""
+    """Depths of a head and a wall on the lattice of a Kinect V1, whose steps have a phase."""
     level = np.r_[180:230, 380:460]
     values = np.unique(np.round(345_160.0 / (level + phase)))
     lattice = estimate_lattice(values)
