@@ -148,14 +148,10 @@ def names_in(module: str) -> frozenset[str]:
 
 @cache
 def names_everywhere() -> frozenset[str]:
-    """Return the names that every text may use: definitions, keys, settings, shaders, Python's."""
+    """Return the names that a text may use: of the code, settings, shaders and Python."""
     names = {*dir(builtins), *keyword.kwlist, *sys.stdlib_module_names, *FOREIGN}
-    for module, source in SOURCE.items():
-        names.update(module.split("."))
-        names.update(re.findall(r"^ *(?:async )?(?:def|class) (\w+)", source, re.MULTILINE))
-        names.update(re.findall(r"^ {0,4}(\w+)(?:: .*)? = ", source, re.MULTILINE))
-        names.update(re.findall(r"^ {4}(\w+): ", source, re.MULTILINE))
-        names.update(re.findall(r'"(\w+)"', source))
+    for module in MODULES:
+        names.update(module.split("."), names_in(module))
     for text in other_texts(".toml").values():
         names.update(_WORD.findall(re.sub(r"#.*", "", text)))
     for text in other_texts(".glsl", ".vert", ".frag").values():
@@ -163,16 +159,9 @@ def names_everywhere() -> frozenset[str]:
     return frozenset(names)
 
 
-@cache
-def names_near(module: str) -> frozenset[str]:
-    """Return the names of a module, of those that it imports and of those that import it."""
-    near = [module, *graph()[module], *(other for other in MODULES if module in graph()[other])]
-    return names_everywhere().union(*map(names_in, near))
-
-
-def unknown_quotes(module: str, text: str) -> list[str]:
-    """List the ``names`` of a text that neither its module nor its neighbours have."""
-    found, known = [match[1] for match in _QUOTED.finditer(text)], names_near(module)
+def unknown_quotes(text: str) -> list[str]:
+    """List the ``names`` of a text that stand nowhere in the code."""
+    found, known = [match[1] for match in _QUOTED.finditer(text)], names_everywhere()
     files = (".png", ".yaml", ".obj", ".npz", ".cal", ".onnx")
     return [n for n in found if not n.endswith(files) and not known.issuperset(n.split("."))]
 
@@ -205,7 +194,7 @@ def test_a_module_names_what_there_is(module: str) -> None:
     for text in python_texts(SOURCE[module]):
         if text not in declared:
             assert unknown_options(text, speakers()[module]) == []
-        assert unknown_quotes(module, text) == []
+        assert unknown_quotes(text) == []
         assert unknown_places(text) == []
 
 
@@ -220,6 +209,6 @@ def test_what_is_gone_is_noticed() -> None:
     for text in ("generate with --crop {}", "changes, as --sets of glsim train"):
         assert unknown_options(text, everyone), text
     assert unknown_options("glsim train face --set data.crop=64", everyone) == []
-    assert unknown_quotes("glsim.cli.tune_page.figures", "count in ``beyond_px`` only")
+    assert unknown_quotes("count in ``beyond_px`` only")
     for text in ("specs of ``glsim.denoise.load``", "drivers, see glsim/gl/arithmetic.py."):
         assert unknown_places(text), text

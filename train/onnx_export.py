@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import io
 import warnings
 from collections.abc import Mapping
@@ -81,8 +80,6 @@ def onnx_bytes(
                 dynamo=False,
             )
         except torch.onnx.errors.OnnxExporterError as error:
-            if importlib.util.find_spec("onnx") is None:
-                raise TrainError("export needs ONNX: pip install 'glsim[export]'") from None
             raise TrainError(f"{checkpoint}: this network cannot be exported: {error}") from error
         except RuntimeError as error:
             reason = " ".join(str(error).split())[:200]

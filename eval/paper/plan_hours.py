@@ -7,7 +7,6 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-from glsim.core.errors import training_needs_torch
 from glsim.eval.report.document import TextTable
 from glsim.eval.report.score_tables import format_number
 from glsim.settings.toml_tables import read_toml
@@ -23,12 +22,10 @@ _REACHED: Final = 0.3
 def plan_hours(recipes: Iterable[Recipe], split: object, images: int) -> TextTable:
     """Return a row per network of all trainings with its steps and hours at most, and the sums.
 
-    ``split`` and ``images`` are of the data set. Raises TrainError without PyTorch.
+    ``split`` and ``images`` are of the data set.
     """
-    try:
-        from glsim.train.step_cost import step_flop, step_seconds
-    except ImportError as error:
-        raise training_needs_torch(error) from None
+    from glsim.train.step_cost import step_flop, step_seconds
+
     share = split[0] if isinstance(split, tuple) else PAPER_IMAGES[0] / sum(PAPER_IMAGES)
     trainings = Counter(recipe.title for recipe in recipes)
     rows: list[tuple[list[str], list[float]]] = []

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from glsim.core.errors import DatasetError, GlsimError, training_needs_torch
+from glsim.core.errors import DatasetError, GlsimError
 from glsim.core.files.atomic import read_json, to_json, write_atomic
 from glsim.data.disk_format import HEADER
 from glsim.data.driver import generate
@@ -100,16 +100,13 @@ class Runner:
     def train(self, recipe: Recipe, data: Sequence[Path], folder: Path) -> None:
         """Train a network, or continue its interrupted training.
 
-        Raises TrainError without PyTorch, the errors of ``glsim.train.loop.fit``, and
-        KeyboardInterrupt if a signal stops the training, after it was saved.
+        Raises the errors of ``glsim.train.loop.fit``, and KeyboardInterrupt if a signal stops the
+        training, after it was saved.
         """
 
         def run() -> None:
-            try:
-                from glsim.train.batches import stored_batches
-                from glsim.train.loop import fit
-            except ImportError as error:
-                raise training_needs_torch(error) from None
+            from glsim.train.batches import stored_batches
+            from glsim.train.loop import fit
 
             pairs = stored_batches(data, recipe)
             with self.displays.stopping() as stop, self.displays.training(recipe.title) as show:

@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
-from glsim.core.errors import GlsimError
+from glsim.core.errors import GlsimError, pip_install
 from glsim.core.files.markdown import markdown_table
 from glsim.settings.toml_tables import read_toml
 
@@ -134,9 +134,8 @@ def _template() -> Template:
         from jinja2 import Environment, PackageLoader, StrictUndefined
         from markupsafe import Markup, escape
     except ImportError:
-        raise GlsimError(
-            "report.html needs Jinja2: pip install 'glsim[eval]', or give --no-figures"
-        ) from None
+        cure = f"{pip_install('eval')}, or give --no-figures"
+        raise GlsimError(f"report.html needs Jinja2: {cure}") from None
 
     def inline(text: str) -> Markup:
         text = re.sub(r"\*\*(.+?)\*\*", r"<b>\1</b>", str(escape(text)))

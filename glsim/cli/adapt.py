@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import check_outputs, print_message, replaced
-from glsim.core.errors import CPU_TORCH, ConfigError, TrainError
+from glsim.core.errors import ConfigError, require_package
 
 
 def adapt(
@@ -37,10 +37,10 @@ def adapt(
     from glsim.denoise.network_choice import choose_network
     from glsim.denoise.registry import NETWORKS, ONNX_SUFFIX
 
-    try:
-        from glsim.train.adapt import adapt as adapt_network
-    except ImportError as error:
-        raise TrainError(f"adapt needs PyTorch: '.[laptop]' ({CPU_TORCH}) ({error})") from None
+    for package in ("torch", "onnx"):
+        require_package(package, "glsim adapt", "laptop")
+    from glsim.train.adapt import adapt as adapt_network
+
     if out.suffix != ONNX_SUFFIX:
         raise ConfigError(f"-o {out}: the name must end in {ONNX_SUFFIX}")
     check_outputs(out)

@@ -15,7 +15,7 @@ import typer
 
 from glsim.cli.common import WorkersOption, check_outputs, print_message, print_written
 from glsim.cli.progress import frame_progress
-from glsim.core.errors import ConfigError, did_you_mean
+from glsim.core.errors import ConfigError, did_you_mean, pip_install
 
 if TYPE_CHECKING:
     from glsim.eval.scoring.blocks import ScoringJob
@@ -63,7 +63,7 @@ def figures_wanted(asked: bool) -> bool:
     if missing:
         print_message(
             f"no figures and no report.html, tables alone: they need {' and '.join(missing)}: "
-            "pip install 'glsim[eval]'"
+            f"{pip_install('eval')}"
         )
     return not missing
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import print_message, replaced, split_names
-from glsim.core.errors import CPU_TORCH, ConfigError, DatasetError, TrainError, counted
+from glsim.core.errors import ConfigError, DatasetError, counted, require_package
 from glsim.core.files.cloud import cloud_url
 from glsim.data.disk_format import HEADER
 
@@ -64,13 +64,11 @@ def _export_network(checkpoint: Path, out: Path) -> None:
 
     if out.suffix not in (ONNX_SUFFIX, ".safetensors"):
         raise ConfigError(f"-o {out}: the name must end in {ONNX_SUFFIX} or .safetensors")
-    try:
-        from glsim.networks.checkpoint import export_safetensors
-        from glsim.train.onnx_export import export_onnx
-    except ImportError as error:
-        raise TrainError(
-            f"export needs PyTorch: pip install 'glsim[export]' ({CPU_TORCH}) ({error})"
-        ) from None
+    for package in ("torch", "onnx", "safetensors"):
+        require_package(package, "glsim export of a network", "export")
+    from glsim.networks.checkpoint import export_safetensors
+    from glsim.train.onnx_export import export_onnx
+
     again = replaced(out)
     if out.suffix != ONNX_SUFFIX:
         export_safetensors(checkpoint, out)

@@ -78,7 +78,7 @@ def generate(
             nothing.
         part: Make part I of N (from 0, or from 1 to N), as one of N jobs with the same options;
             the last part to end merges all. Default: the whole data set.
-        ray: Render on a cluster of Ray: auto, HOST:6379, or local (pip install 'glsim[ray]').
+        ray: Render on a cluster of Ray: auto, HOST:6379, or local (needs the extra ray).
             Default: on this machine.
     """
     from glsim.data.worker_processes import worker_count

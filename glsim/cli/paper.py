@@ -19,7 +19,7 @@ from glsim.cli.common import (
     with_messages,
 )
 from glsim.cli.progress import frame_progress
-from glsim.core.errors import ConfigError
+from glsim.core.errors import ConfigError, require_package
 
 app = typer.Typer(
     help="Reproduce the paper: its data, networks, tables and figures.",
@@ -63,6 +63,8 @@ def reproduce(
     from glsim.eval.paper.reproduce import reproduce as run
     from glsim.eval.paper.runner import Displays, Runner
 
+    for package in ("torch", "lightning_fabric", "matplotlib", "jinja2"):  # not after hours of data
+        require_package(package, "paper reproduce", "laptop")
     chosen = load_plan(size)
     given = {"d3dfacs": d3dfacs, "facewarehouse": facewarehouse, "biwi": biwi}
     roots = {kind: root for kind, root in given.items() if root is not None}

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glsim.cli.common import RECIPES, SeedOption, console, options, overrides, print_message
-from glsim.core.errors import ConfigError, DatasetError, counted, training_needs_torch
+from glsim.core.errors import ConfigError, DatasetError, counted, require_package
 
 if TYPE_CHECKING:
     from glsim.train.loop import StepStatus
@@ -94,13 +94,12 @@ def train(
                 f"--data {each}: is no data set of glsim: glsim generate -o NEW makes one; frames "
                 f"of a camera have no clean depth: glsim adapt {each}, glsim eval-real {each}"
             )
+    for package in ("torch", "lightning_fabric"):
+        require_package(package, "glsim train", "train")
     print_message(f"{chosen.title}: trains in {folder}; loading PyTorch and the data")
 
-    try:
-        from glsim.train import batches
-        from glsim.train.loop import fit
-    except ImportError as error:
-        raise training_needs_torch(error) from None
+    from glsim.train import batches
+    from glsim.train.loop import fit
 
     pairs = batches.stored_batches(data, chosen) if data else batches.simulated_batches(chosen)
     with stopping() as stop, training_progress(chosen.title) as show:

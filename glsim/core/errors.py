@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import json
 import re
 from collections.abc import Iterable
 from importlib.util import find_spec
@@ -108,23 +109,34 @@ def did_you_mean(name: str, known: Iterable[str], table: str = "") -> str:
     return f"known: {', '.join(names)}" if names else "there are none"
 
 
-#: Advice on installing PyTorch: its default wheel for Linux downloads gigabytes of CUDA.
-CPU_TORCH = (
-    "without a GPU first: pip install torch --index-url https://download.pytorch.org/whl/cpu"
-)
+def pip_install(extra: str) -> str:
+    """Return the command that adds an extra to glsim, from where glsim itself was installed.
+
+    With the advice to install PyTorch first where the extra brings it: its default wheel for Linux
+    downloads gigabytes of CUDA.
+    """
+    from importlib.metadata import PackageNotFoundError, distribution  # slow to import
+    from urllib.parse import urlsplit
+    from urllib.request import url2pathname
+
+    where, options = "glsim", ""
+    try:  # PEP 610: pip writes down a folder or file that it installs from
+        record = json.loads(distribution("glsim").read_text("direct_url.json") or "{}")
+    except (PackageNotFoundError, ValueError):
+        record = {}
+    if (url := record.get("url", "")).startswith("file:"):
+        where = url2pathname(urlsplit(url).path)
+        options = "-e " * record.get("dir_info", {}).get("editable", False)
+    command = f"pip install {options}'{where}[{extra}]'"
+    if extra in ("train", "export", "laptop"):
+        command += f" (without a GPU first: {_CPU_TORCH})"
+    return command
 
 
-def training_needs_torch(error: ImportError) -> TrainError:
-    """Make the error of a command that trains on a machine without PyTorch."""
-    return TrainError(
-        "training needs PyTorch and Lightning Fabric: pip install 'glsim[train]' "
-        f"({CPU_TORCH}) ({error})"
-    )
+_CPU_TORCH = "pip install torch --index-url https://download.pytorch.org/whl/cpu"
 
 
 def require_package(name: str, what: str, extra: str) -> None:
     """Raise ConfigError if a package that ``what`` needs is not installed."""
     if find_spec(name) is None:
-        raise ConfigError(
-            f"{what} needs {name}, which is not installed: pip install 'glsim[{extra}]'"
-        )
+        raise ConfigError(f"{what} needs {name}, which is not installed: {pip_install(extra)}")

@@ -16,7 +16,14 @@ from collections.abc import Callable, Collection, Generator, Iterable, Iterator,
 from contextlib import contextmanager, suppress
 from typing import Any, TypeVar
 
-from glsim.core.errors import ConfigError, DatasetError, DeviceError, GlsimError, ShaderError
+from glsim.core.errors import (
+    ConfigError,
+    DatasetError,
+    DeviceError,
+    GlsimError,
+    ShaderError,
+    pip_install,
+)
 from glsim.data.code_version import code_version
 from glsim.data.worker_processes import SINGLE_THREADED, WorkerFailure
 
@@ -53,7 +60,7 @@ def ray_cluster(address: str) -> Iterator[Any]:
     try:
         import ray
     except ImportError:
-        raise ConfigError("a cluster needs Ray: pip install 'glsim[ray]'") from None
+        raise ConfigError(f"a cluster needs Ray: {pip_install('ray')}") from None
     if ray.is_initialized():
         yield ray
         return

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from glsim.core.errors import CPU_TORCH, ConfigError, DenoiserError, did_you_mean, one_line
+from glsim.core.errors import ConfigError, DenoiserError, did_you_mean, one_line, pip_install
 from glsim.core.plugins import load_plugin, module_names, plugin_names, shipped_module
 from glsim.core.user_code import load_object
 from glsim.denoise import shipped
@@ -225,7 +225,7 @@ def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[DepthFu
             from glsim.denoise.inference import load_network
         except ImportError as error:
             raise DenoiserError(
-                f"{label}: checkpoints need PyTorch: pip install 'glsim[train]' ({CPU_TORCH}), or "
+                f"{label}: checkpoints need PyTorch: {pip_install('train')}, or "
                 f"export it where PyTorch is (glsim export {path} -o network.onnx) ({error})"
             ) from None
         network = load_network(path, options.min_probability)

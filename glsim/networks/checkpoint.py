@@ -19,7 +19,7 @@ from typing import IO, Any, Final
 
 import torch
 
-from glsim.core.errors import DatasetError, TrainError
+from glsim.core.errors import DatasetError, GlsimError, TrainError, require_package
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.regular import open_regular
 
@@ -57,7 +57,7 @@ def write(path: Path, content: dict[str, Any]) -> None:
 def export_safetensors(path: Path, out: Path) -> None:
     """Write the weights and the recipe of a checkpoint (best.pt, last.pt) as a safetensors file.
 
-    Raises TrainError for a foreign or damaged checkpoint, and without the package safetensors.
+    Raises TrainError for a foreign or damaged checkpoint, ConfigError without safetensors.
     """
     content = load(path)
     save_tensors = _safetensors().save
@@ -81,7 +81,7 @@ def load(path: Path) -> dict[str, Any]:
         raise TrainError(f"{path}: no such checkpoint") from None
     except OSError as error:
         raise TrainError(f"{path}: cannot be read: {error.strerror or error}") from None
-    except TrainError:
+    except GlsimError:
         raise
     except Exception:  # PyTorch, zipfile, safetensors and JSON raise exceptions of any type
         raise TrainError(f"{path}: {_FOREIGN}") from None
@@ -128,9 +128,7 @@ def _from_safetensors(file: IO[bytes]) -> Any:
 
 
 def _safetensors() -> Any:
-    try:
-        import safetensors.torch
-    except ImportError:
-        cure = "pip install 'glsim[train]'"
-        raise TrainError(f"{SAFETENSORS} files need safetensors: {cure}") from None
+    require_package("safetensors", f"a {SAFETENSORS} file", "train")
+    import safetensors.torch
+
     return safetensors.torch

@@ -12,6 +12,7 @@ from glsim.bench.compare.comparison import compare_sets
 from glsim.bench.compare.patches import surface_patches
 from glsim.cli import main
 from glsim.core.depth_frame import Frames
+from glsim.core.errors import pip_install
 from glsim.core.files.png import read_image
 from glsim.data.maps import open_maps
 from tests.support.planted_frames import frames_of, noisy, plane, shadowed
@@ -70,7 +71,7 @@ def test_without_scikit_learn_the_measures_are_there(monkeypatch: pytest.MonkeyP
     assert result.summary() == [
         "No patches are classified: the sets are compared by the measures alone."
     ]
-    assert any("pip install 'glsim[eval]'" in line for line in said)
+    assert any(pip_install("eval") in line for line in said)
 
 
 def test_too_few_patches_give_no_verdict() -> None:

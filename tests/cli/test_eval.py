@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
+from glsim.core.errors import pip_install
 from glsim.networks.composites import COMPOSITES
 from tests.support import checkpoint_stand_in
 from tests.support.checkpoint_stand_in import write_run
@@ -134,7 +135,7 @@ def test_checkpoints_need_the_training_part(
     (here / "best.pt").write_bytes(b"")
     write(here / "a.png", dome())
     assert main(["denoise", "a.png", "-o", "b.png", "-d", "best.pt"]) == 1
-    assert "glsim[train]" in capsys.readouterr().err
+    assert pip_install("train") in capsys.readouterr().err
 
 
 @pytest.fixture
@@ -210,7 +211,7 @@ def test_scores_without_matplotlib_are_tables_and_say_so_first(
     assert main(command) == 0
     lines = capsys.readouterr().err.splitlines()
     assert lines[0].startswith("no figures and no report.html, tables alone: they need Matplotlib:")
-    assert "pip install 'glsim[eval]'" in lines[0]
+    assert pip_install("eval") in lines[0]
     assert "few people for an interval: 5 are needed" in (here / "s" / "table.md").read_text()
     assert not (here / "s" / "report.html").exists()
     assert main([*command, "--no-figures"]) == 0

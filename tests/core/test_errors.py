@@ -1,10 +1,12 @@
 """The text of every error is one line of bounded length."""
 
+import json
 import pickle
+from types import SimpleNamespace
 
 import pytest
 
-from glsim.core.errors import ConfigError, DatasetError, did_you_mean
+from glsim.core.errors import ConfigError, DatasetError, did_you_mean, pip_install
 
 
 @pytest.mark.parametrize(
@@ -34,3 +36,14 @@ def test_a_name_within_a_longer_one_is_proposed() -> None:
     assert text == "did you mean 'realsense-d435' or 'realsense-d435-vga'?"
     assert did_you_mean("kinekt-v2", sensors) == "did you mean 'kinect-v2'?"
     assert did_you_mean("v", sensors).startswith("known: ")
+
+
+def test_an_extra_is_installed_from_where_glsim_came(monkeypatch: pytest.MonkeyPatch) -> None:
+    record: dict[str, object] = {}
+    found = SimpleNamespace(read_text=lambda name: json.dumps(record))
+    monkeypatch.setattr("importlib.metadata.distribution", lambda name: found)
+    assert pip_install("eval") == "pip install 'glsim[eval]'"
+    record |= {"url": "file:///a%20b/glsim", "dir_info": {"editable": True}}
+    assert pip_install("eval") == "pip install -e '/a b/glsim[eval]'"
+    record["dir_info"] = {}
+    assert pip_install("train").startswith("pip install '/a b/glsim[train]' (without a GPU first")

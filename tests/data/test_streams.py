@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from glsim.cli import main
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError, DatasetError, pip_install
 from glsim.data.maps import open_maps
 from glsim.data.reader import open_dataset
 from glsim.data.recordings.imports import RecordingSource
@@ -258,9 +258,8 @@ def test_without_the_library_the_extra_is_named(tmp_path: Path, name: str, libra
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert (
-        f"needs {library}, which is not installed: pip install 'glsim[recordings]'" in done.stderr
-    )
+    cure = pip_install("recordings")
+    assert f"needs {library}, which is not installed: {cure}" in done.stderr
 
 
 def test_nearest_moments() -> None:

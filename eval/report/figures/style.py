@@ -9,7 +9,7 @@ import textwrap
 from types import ModuleType
 from typing import Any
 
-from glsim.core.errors import GlsimError
+from glsim.core.errors import GlsimError, pip_install
 
 
 def matplotlib(part: str) -> ModuleType:
@@ -18,9 +18,8 @@ def matplotlib(part: str) -> ModuleType:
     try:
         return importlib.import_module(f"matplotlib.{part}")
     except ImportError:
-        raise GlsimError(
-            "figures need Matplotlib: pip install 'glsim[eval]', or give --no-figures"
-        ) from None
+        cure = f"{pip_install('eval')}, or give --no-figures"
+        raise GlsimError(f"figures need Matplotlib: {cure}") from None
 
 
 def new_figure(width_in: float, height_in: float) -> Any:

@@ -14,7 +14,7 @@ import numpy as np
 from glsim.bench.compare.classifier import TellingFeature, Verdict, tell_apart
 from glsim.bench.compare.patches import KINDS, Patches, edge_patches, surface_patches
 from glsim.core.depth_frame import Frames
-from glsim.core.errors import ConfigError
+from glsim.core.errors import ConfigError, pip_install
 from glsim.core.files.atomic import without_nan
 from glsim.core.files.markdown import markdown_table
 from glsim.measures.correlation import LAGS
@@ -306,7 +306,7 @@ def compare_sets(
         measured.append(measure(frames))
     verdicts: dict[str, Verdict] = {}
     if find_spec("sklearn") is None:
-        say("no classifier: it needs scikit-learn: pip install 'glsim[eval]'")
+        say(f"no classifier: it needs scikit-learn: {pip_install('eval')}")
     else:
         say("classifying patches")
         patches: list[dict[str, Patches]] = [

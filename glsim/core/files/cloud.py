@@ -28,7 +28,7 @@ from typing import IO, Any, TypeVar
 from isal import isal_zlib
 from typing_extensions import override
 
-from glsim.core.errors import AccessError, ConfigError, DatasetError, GlsimError
+from glsim.core.errors import AccessError, ConfigError, DatasetError, GlsimError, pip_install
 from glsim.core.files.atomic import (
     AtomicFile,
     checksum,
@@ -312,7 +312,7 @@ class CloudStore(Store):
                 fs.retries = 1  # of s3fs, which repeats requests itself
             except ImportError:
                 raise ConfigError(
-                    f"{self.url}: needs the package {package}: pip install 'glsim[cloud]'"
+                    f"{self.url}: needs the package {package}: {pip_install('cloud')}"
                     + ("" if package in ("s3fs", "fsspec") else f" {package}")
                 ) from None
             except ValueError as error:

@@ -48,22 +48,16 @@ def entries(folder: Path, ends: tuple[str, ...] = ("",)) -> tuple[list[str], lis
                 if entry.is_dir():
                     folders.append(name)
                 elif name.lower().endswith(ends):
-                    check_text(folder, name)
+                    name.encode()  # what is not UTF-8 no manifest or terminal can show
                     files.append(name)
                     check_number(folder, len(files))
+    except UnicodeEncodeError as error:
+        raise ConfigError(f"{folder}: {error.object!a} is no UTF-8: rename the file") from None
     except OSError as error:
         raise ConfigError(f"{folder}: cannot be listed ({error.strerror or error})") from None
     if len(files) > _MANY:
         log.warning("%s: sorts %d files, which takes some seconds", folder, len(files))
     return sorted(files, key=natural), sorted(folders, key=natural)
-
-
-def check_text(folder: Path, name: str) -> None:
-    """Raise ConfigError for a name that is not UTF-8: no manifest or terminal can show it."""
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        raise ConfigError(f"{folder}: the name {name!a} is no UTF-8: rename the file") from None
 
 
 def check_number(folder: Path, count: int) -> None:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, Final
 
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError, DatasetError, require_package
 from glsim.core.files.atomic import write_atomic
 from glsim.core.plugins import load_plugin, plugin_names, shipped_objects
 from glsim.data.export.exported_frame import Export, export_frames
@@ -40,8 +39,8 @@ def _find(name: str) -> Export:
         plugin: Export = load_plugin("exports", name, _is_export)
         return replace(plugin, name=name)
     export = FORMATS[name]
-    if export.library and find_spec(export.library) is None:
-        raise ConfigError(f"{name} needs {export.library}: pip install 'glsim[formats]'")
+    if export.library:
+        require_package(export.library, name, "formats")
     return export
 
 

@@ -16,7 +16,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.errors import MeshError
+from glsim.core.errors import MeshError, pip_install
 from glsim.core.files.regular import open_regular
 from glsim.core.products import product
 from glsim.faces.meshes.obj import MAX_BYTES, check_corners, check_count, check_start, read_bytes
@@ -211,7 +211,7 @@ class _Scene:
         except ImportError:
             raise MeshError(
                 f"{self._path}: needs DracoPy for the glTF extension {_DRACO}: "
-                "pip install 'glsim[formats]', or export it without"
+                f"{pip_install('formats')}, or export it without"
             ) from None
         except Exception as error:  # of any type
             raise MeshError(
