@@ -46,6 +46,8 @@ def adapt(
     check_outputs(out)
     again = replaced(out)
     frames = open_maps(recording, unit_mm=depth_unit_mm)
+    if sentence := frames.sentence(camera=False, real=True):
+        print_message(sentence)
     network = denoiser or choose_network(frames)[0]
     if network not in NETWORKS or network == "face-video":
         raise ConfigError(f"-d {network}: give a shipped network that sees one frame")

@@ -111,6 +111,9 @@ def compare(
         draw_comparison(comparison, real, other, figure)
         written.append(figure)
     print_written(written)
-    sentences += [recording.sentence(focal_px, replay_sensor or "") for recording in opened]
+    sentences += [
+        recording.sentence(focal_px, replay_sensor or "", real=recording is opened[0])
+        for recording in opened
+    ]
     for note in filter(None, dict.fromkeys(sentences)):
         print_message(note)

@@ -55,7 +55,7 @@ def evaluate_real(
     specs = list(denoiser or ["face"])
     figures = cli_eval.figures_wanted(figures)
     count = worker_count(workers)
-    remarks = list(filter(None, [opened.recording.sentence(focal_px)]))
+    remarks = list(filter(None, [opened.recording.sentence(focal_px, real=True)]))
     for remark in remarks:
         print_message(remark)
     if tune_filters:
@@ -68,12 +68,6 @@ def evaluate_real(
             f"Filters with settings are tuned on the static pairs of one half of the {half}; "
             "static pairs of all methods are scored on the other half."
         )
-    if sensor := opened.recording.simulated_by:
-        remarks.append(
-            f"{recording}: is simulated by {sensor}: the figures rate denoisers on "
-            "noise of glsim, not of a camera; glsim eval compares with the true depth."
-        )
-        print_message(remarks[-1])
     if len(opened.partner) == 0:
         remarks.append("No two frames show one static view: there are no static pairs.")
         print_message(f"{remarks[-1]} n/a: the frames lack what this measure needs")

@@ -107,7 +107,7 @@ def fit(
         results = [f"{name}: {text}" for name, text in lines.items()]
         typer.echo("\n".join([*results, *table]))
     print_written(written)
-    if sentence := recording.sentence(focal_px, "the base sensor"):
+    if sentence := recording.sentence(focal_px, "the base sensor", real=True):
         print_message(sentence)
     return 0 if better else 1
 

@@ -41,12 +41,14 @@ class RenderJob:
     """The job of all workers of a run: render, write and record chunks.
 
     ``inputs``: hashes of the driver's input files; other machines compare theirs with them.
+    ``sensor``: the sensor that images state; "" for recorded frames.
     """
 
     settings: Settings
     state: RunState
     make_frames: FrameMaker
     inputs: InputHashes | None = None
+    sensor: str = ""
     code: str = field(default_factory=code_version)
 
     def run(self, chunks: Iterable[Chunk]) -> Iterator[ChunkEvent]:
@@ -101,7 +103,7 @@ def write_chunks(
     try:
         for first in results:
             chunk = taken.popleft()
-            writer = _ChunkWriter(job.settings, store, chunk)
+            writer = _ChunkWriter(job.settings, store, chunk, job.sensor)
             with writer.opened():
                 result: Frame | Skipped | None = first
                 for done, task in enumerate(chunk.tasks, start=1):
@@ -123,8 +125,8 @@ def write_chunks(
 class _ChunkWriter:
     """A writer of a chunk's frames, as one file per image or as one shard for all."""
 
-    def __init__(self, settings: Settings, store: Store, chunk: Chunk) -> None:
-        self._settings, self._store, self._chunk = settings, store, chunk
+    def __init__(self, settings: Settings, store: Store, chunk: Chunk, sensor: str) -> None:
+        self._settings, self._store, self._chunk, self._sensor = settings, store, chunk, sensor
         self._frames: list[str] = []
         self._skipped: list[str] = []
         self._bytes = 0
@@ -149,7 +151,7 @@ class _ChunkWriter:
             return
         layers: tuple[str, ...] = self._settings.output.layers
         try:
-            images = {layer: layer_png(result, layer) for layer in layers}
+            images = {layer: layer_png(result, layer, self._sensor) for layer in layers}
         except DepthRangeError as error:  # one pixel too far for 16 bits must not end the run
             self._skip(task, Skipped(result.key, result.source, str(error)))
             return

@@ -23,6 +23,7 @@ from glsim.core.files.store import Store
 from glsim.data.chunk_writer import ChunkEvent, FrameMaker, RenderJob
 from glsim.data.chunks import CHUNK_FRAMES, ChunkPlan, Part
 from glsim.data.disk_format import HEADER, SKIPPED
+from glsim.data.header import simulated_by
 from glsim.data.merge import bounded_lines, merge, merged_files_are_intact
 from glsim.data.progress import GenerateSummary, PartSummary, Progress, RunCounts
 from glsim.data.record_schema import MAX_HEADER_BYTES, MAX_LINE_BYTES, parse_header
@@ -122,7 +123,8 @@ def make_missing_chunks(
 ) -> None:
     """Render the missing and damaged chunks. Raises the errors of ``write_dataset``."""
     missing = _find_missing_chunks(run, state, run.numbers(part), counts)
-    job = RenderJob(run.settings, state, run.make_frames, run.found)
+    sensor = Path(simulated_by(run.identity)).stem
+    job = RenderJob(run.settings, state, run.make_frames, run.found, sensor)
     with closing(render(job, missing, run.plan)) as events:
         for event in events:
             if isinstance(event, ChunkSummary):

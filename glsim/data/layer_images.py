@@ -13,12 +13,13 @@ from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.png import MAX_SIDE_PX, decode_png, encode_png, size_problem
 from glsim.data.record_schema import MAX_LINE_BYTES, parse_frame
+from glsim.data.recordings.names import DEPTH_LAYERS
 from glsim.simulation.frame import Frame
 
 LayerImage = NDArray[np.uint16] | NDArray[np.uint8]
 
 LAYER_TYPES: dict[str, np.dtype[np.uint16] | np.dtype[np.uint8]] = {
-    **dict.fromkeys(("clean", "noisy", "expected", "normals"), np.dtype(np.uint16)),
+    **dict.fromkeys((*DEPTH_LAYERS, "normals"), np.dtype(np.uint16)),
     **dict.fromkeys(("infrared", "infrared_right"), np.dtype(np.uint16)),
     **dict.fromkeys(("reason", "regions", "color"), np.dtype(np.uint8)),
 }
@@ -54,9 +55,9 @@ def decode_layer(data: bytes, layer: str, where: str, max_px: int = MAX_SIDE_PX*
 
 
 def layer_png(frame: Frame, layer: str, sensor: str = "") -> bytes:
-    """Encode a layer of a frame; depth states its step, and the name of a sensor."""
-    stated = (frame.depth_unit_mm, sensor) if layer in ("clean", "noisy", "expected") else ()
-    return encode_png(frame.image(layer), *stated)
+    """Encode a layer of a frame; it states its name and its simulated sensor, depth its step."""
+    unit_mm = frame.depth_unit_mm if layer in DEPTH_LAYERS else None
+    return encode_png(frame.image(layer), unit_mm, sensor, layer)
 
 
 def write_frame(

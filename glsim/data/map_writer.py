@@ -158,7 +158,7 @@ class MapWriter:
 def _encode_sigma(frame: DepthFrame) -> bytes:
     """Return the uncertainty of a denoised frame as PNG in steps of 0.01 mm, 0 without depth."""
     steps = np.clip(np.rint(frame.layer("sigma_mm") / np.float32(_SIGMA_STEP_MM)), 1, UINT16_MAX)
-    return encode_png(np.where(frame.noisy_mm > 0, steps, 0).astype(np.uint16))
+    return encode_png(np.where(frame.noisy_mm > 0, steps, 0).astype(np.uint16), layer="sigma")
 
 
 def _targets(

@@ -30,7 +30,7 @@ from glsim.core.depth_protocol import DepthProtocol, stored_protocol
 from glsim.core.errors import ConfigError, DatasetError, NoDepthError
 from glsim.core.files.atomic import read_json
 from glsim.core.files.listing import MOST_FILES, natural
-from glsim.core.files.png import stated_sensor
+from glsim.core.files.png import SENSOR_KEYWORD, stated_text
 from glsim.data.disk_format import FORMAT, HEADER
 from glsim.data.header import is_dataset, read_header, simulated_by
 from glsim.data.map_files import STACKS, open_stack
@@ -230,7 +230,7 @@ class _FileList:
                 above = [path for path in given if path in folder.parents]
                 stated, by = stated_camera(*above, folder)
                 file = next(file for file in self.files if file.parent == folder)
-                self.simulated_by = stated_sensor(file)
+                self.simulated_by = stated_text(file, SENSOR_KEYWORD)
                 if not stated.sensor and self.simulated_by:
                     stated, by = replace(stated, sensor=self.simulated_by), by or file
                 self.cameras[folder] = stated

@@ -78,15 +78,19 @@ class Recording:
         return self.stated.intrinsics
 
     def sentence(
-        self, focal_px: float | None = None, taken: str = "", *, camera: bool = True
-    ) -> str:
+        self, focal_px: float | None = None, taken: str = "", *, camera: bool = True,
+        real: bool = False,
+    ) -> str:  # fmt: skip
         """Describe what is left out and assumed, for every command; "" if there is nothing.
 
         Args:
             taken: name of the sensor whose intrinsics are used. Default: ``assumed``.
             camera: whether the intrinsics matter.
+            real: whether the command measures a real camera.
         """
         remarks = list(self.notes)
+        if real and self.simulated_by:
+            remarks.append(f"is simulated by {self.simulated_by}, and no record of a camera")
         left_out = self.left_out
         if left_out and self.first_without_infrared() is None:  # infrared images are used
             left_out = Counter({name: n for name, n in left_out.items() if not is_infrared(name)})

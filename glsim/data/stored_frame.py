@@ -19,13 +19,11 @@ from glsim.core.reason import Reason
 from glsim.core.units import from_steps
 from glsim.data.header import REPAIR
 from glsim.data.layer_images import LayerImage, decode_layer
+from glsim.data.recordings.names import DEPTH_LAYERS
 from glsim.simulation.frame import decode_normals
 
 #: Largest gap between two members of a shard, bytes: a header, and the rest of the last block.
 _TAR_BYTES = 1024
-
-#: Depth layers of a data set, which are converted to float32 millimetres.
-_DEPTH_LAYERS = ("clean", "expected", "noisy")
 
 
 def stored_frame(
@@ -38,7 +36,7 @@ def stored_frame(
     images = StoredImages(store, record, step_mm)
     layers: dict[str, Any] = {}
     for layer in record["files"]:
-        if layer in _DEPTH_LAYERS:
+        if layer in DEPTH_LAYERS:
             layers[f"{layer}_mm"] = partial(images.depth_mm, layer)
         else:
             layers[layer] = partial(images.read, layer)

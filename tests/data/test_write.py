@@ -1,13 +1,15 @@
 """Test the written data set: files, bytes, records, shards; with one process or several."""
 
 import json
+import shutil
 import tarfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from glsim.core.errors import GlsimError, MeshError
+from glsim.core.errors import DatasetError, GlsimError, MeshError
+from glsim.data.maps import open_maps
 from glsim.data.progress import FrameProgress
 from glsim.data.reader import open_dataset
 from glsim.data.verification import verify
@@ -45,6 +47,13 @@ def test_layout_of_a_png_tree_is_exact(tmp_path: Path) -> None:
     state = {".glsim/plan.json", ".glsim/complete.json"}
     state |= {f".glsim/chunks/{number:08d}.jsonl" for number in range(2)}
     assert set(contents(tmp_path / "a")) == images | others | state
+    for layer in ("noisy", "infrared"):  # what is copied elsewhere still says what it is
+        image = tmp_path / f"a/test/s001/smile.1_00001_{layer}.png"
+        shutil.copy(image, tmp_path / f"{layer[0]}.png")
+    said = open_maps(tmp_path / "n.png").sentence(camera=False, real=True)
+    assert said.endswith("n.png: is simulated by kinect-v2, and no record of a camera")
+    with pytest.raises(DatasetError, match=r"i\.png: is the layer infrared of a frame of glsim"):
+        open_maps(tmp_path / "i.png")
 
 
 def test_round_trip(made) -> None:

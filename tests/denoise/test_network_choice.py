@@ -32,11 +32,11 @@ def maps(
     ("width_px", "toml", "network", "words"),
     [
         (5.0, "", "face-stereo", "because its depths lie on a lattice"),
-        (0.0, "", "face", "form, not noise"),
         (0.8, 'sensor = "kinect-v2"', "face", "of that over 2 px"),
         (0.5, 'sensor = "azure-kinect"', "face-azure-kinect", "of that over 2 px"),
         (0.0, 'sensor = "kinect-v2"', "face", "of that over 2 px"),
         (5.0, 'name = "RealSense D455, serial 7"', "face-stereo", "like realsense-d455"),
+        (2.0, 'name = "iPhone 13, TrueDepth"', "face-stereo", "like truedepth"),
         (5.0, "baseline_m = 0.05", "face-stereo", "states a baseline"),
     ],
 )
@@ -57,10 +57,8 @@ def test_denoise_says_what_it_takes_and_why(
     out = ["-o", str(tmp_path / "o")]
     wide = maps(tmp_path / "wide", (96, 128), 5.0)
     assert main(["denoise", wide, *out]) == 0
-    found = (
-        "like realsense-d435, because its depths lie on a lattice of disparities of f B = 19,588"
-    )
-    assert f"denoiser face-stereo: {found}" in capsys.readouterr().err
+    found = "because its depths lie on a lattice of disparities of f B = 19,588 px mm; -d"
+    assert f"denoiser face-stereo: like realsense-d435, {found}" in capsys.readouterr().err
     assert main(["denoise", wide, *out, "-d", "median"]) == 0
     assert "denoiser" not in capsys.readouterr().err
     plane = np.linspace(900, 940, 96 * 128).reshape(96, 128)

@@ -6,7 +6,7 @@ above, which makes files 0.61 to 1.01 times as large. OpenCV decodes; it is impo
 first needed.
 Width and height are read from the file's own header first: 2 MB of deflate can hold 2 GB of zeros.
 
-A depth map may state its step and its sensor in text chunks before the pixels.
+A map may state its step, its sensor and its layer in text chunks before the pixels.
 
 PNG: W3C Recommendation, third edition. TIFF: Adobe, revision 6.0.
 """
@@ -45,9 +45,11 @@ _SAMPLES = {
     _GREY: (1, (1, 2, 4, 8, 16)), _RGB: (3, (8, 16)), _PALETTE: (1, (1, 2, 4, 8)),
     4: (2, (8, 16)), 6: (4, (8, 16)),
 }  # fmt: skip
-#: Keywords of the text chunks with the step of a depth map, mm, and with its sensor.
-UNIT_KEYWORD, SENSOR_KEYWORD = b"glsim depth_unit_mm", b"glsim sensor"
-#: Number of bytes to read of a file's beginning: the signature, IHDR and both chunks need fewer,
+#: Keywords of the text chunks with the step of a depth map, mm, its simulated sensor, its layer.
+UNIT_KEYWORD, SENSOR_KEYWORD, LAYER_KEYWORD = (
+    b"glsim depth_unit_mm", b"glsim sensor", b"glsim layer",
+)  # fmt: skip
+#: Number of bytes to read of a file's beginning: the signature, IHDR and the chunks need fewer,
 #: and longest name of a sensor.
 _HEAD_BYTES, _LONGEST_NAME = 256, 64
 #: Smallest and largest step of a depth file, mm: the range of --depth-unit-mm.
@@ -61,10 +63,11 @@ def encode_png(
     image: NDArray[np.uint16] | NDArray[np.uint8],
     depth_unit_mm: float | None = None,
     sensor: str = "",
+    layer: str = "",
 ) -> bytes:
     """Encode (H, W) uint16 or uint8 as a grey PNG file, (H, W, 3) as an RGB one.
 
-    The same image gives the same bytes. A depth map may state its step and its sensor.
+    The same image gives the same bytes. A map may state its step, its sensor and its layer.
     """
     height, width = image.shape[:2]
     samples = np.ascontiguousarray(image, image.dtype.newbyteorder(">")).view(np.uint8)
@@ -79,7 +82,7 @@ def encode_png(
     chunks = [_chunk(b"IHDR", header), _chunk(b"IDAT", stream), _chunk(b"IEND", b"")]
     name = sensor[:_LONGEST_NAME].encode("latin-1", "replace")
     unit = b"" if depth_unit_mm is None else f"{depth_unit_mm:g}".encode()
-    texts = ((UNIT_KEYWORD, unit), (SENSOR_KEYWORD, name))
+    texts = ((UNIT_KEYWORD, unit), (SENSOR_KEYWORD, name), (LAYER_KEYWORD, layer.encode()))
     chunks[1:1] = [_chunk(b"tEXt", key + b"\0" + text) for key, text in texts if text]
     return b"".join([_SIGNATURE, *chunks])
 
@@ -102,9 +105,9 @@ def stated_unit_mm(path: Path, *, inside: Path | None = None) -> float | None:
     return unit_mm
 
 
-def stated_sensor(path: Path) -> str:
-    """Return the sensor that a depth PNG of glsim states; "" if it states none."""
-    return _stated_texts(path).get(SENSOR_KEYWORD, b"").decode("latin-1")
+def stated_text(path: Path, keyword: bytes) -> str:
+    """Return the sensor or the layer that a PNG of glsim states; "" if it states none."""
+    return _stated_texts(path).get(keyword, b"").decode("latin-1")
 
 
 def _stated_texts(path: Path, inside: Path | None = None) -> dict[bytes, bytes]:

@@ -12,9 +12,7 @@ from glsim.core import depth_map
 from glsim.core.depth_frame import DepthFrame
 from glsim.core.errors import ConfigError, did_you_mean
 from glsim.data.reader import Dataset
-
-#: Layers with depth, the most exact first.
-DEPTH_LAYERS = ("clean", "noisy", "expected")
+from glsim.data.recordings.names import DEPTH_LAYERS
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from glsim.core.array_types import Floats
 from glsim.core.errors import ConfigError, DatasetError
-from glsim.core.files.png import stated_unit_mm
+from glsim.core.files.png import LAYER_KEYWORD, stated_text, stated_unit_mm
 from glsim.data.map_files import (
     TAKEN_FOR_MM,
     along_ray,
@@ -27,7 +27,7 @@ from glsim.data.map_files import (
     refuse_no_steps,
     refuse_other_unit,
 )
-from glsim.data.recordings.names import infrared_beside
+from glsim.data.recordings.names import DEPTH_LAYERS, infrared_beside
 
 #: Largest number of maps of a set that vote on its unit, largest number of these that are kept to
 #: recognise the camera, and number of values per map that decide on a unit. Chosen, not measured.
@@ -162,6 +162,12 @@ class MapFiles:
         return np.nan_to_num(image.astype(np.float32))
 
     def _stored(self, place: FramePlace) -> NDArray[np.generic]:
+        layer = stated_text(place.file, LAYER_KEYWORD)
+        if layer not in ("", *DEPTH_LAYERS):
+            raise DatasetError(
+                f"{place.file}: is the layer {layer} of a frame of glsim, not its depth: give the "
+                "layer noisy, or clean"
+            )
         return read_stored(place.file, place.number, inside=place.inside, channel=self._channel)
 
     def _in_mm(self, place: FramePlace, image: NDArray[np.generic]) -> tuple[Floats, float]:

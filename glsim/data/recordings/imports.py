@@ -198,7 +198,7 @@ class RecordingSource(FaceSource):
         if any(recording.kind == "data set" for recording in self.recordings.values()):
             raise DatasetError(f"{root}: is a data set of glsim already")
         self._every, self._facts = every, {"mirror": str(mirror), "topic": str(topic)}
-        remarks = filter(None, (recording.sentence() for recording in self.recordings.values()))
+        remarks = filter(None, (r.sentence(real=True) for r in self.recordings.values()))
         #: Lines for the user about choices, assumptions and files left out.
         self.notes = (*left_out, *remarks)
 

@@ -6,18 +6,19 @@ import re
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal, get_args
 
 from glsim.core.errors import ConfigError
 from glsim.core.files.listing import entries
 
 #: Kind of depth map that a command reads; other kinds in a folder are left out.
-DepthKind = Literal["clean", "expected", "noisy"]
+DepthKind = Literal["clean", "noisy", "expected"]
+DEPTH_LAYERS: Final = get_args(DepthKind)
 
 #: Words that mark other images. Numbers are ignored; the last word of a name counts, or the first
 #: if the last is not "depth": rgb_0001.png, 0001-color.png, frame-000000.normal.png.
 _OTHERS = (
-    "clean", "expected", "noisy", "infrared", "nir", "ir", "reason", "regions", "preview", "sigma",
+    *DEPTH_LAYERS, "infrared", "nir", "ir", "reason", "regions", "preview", "sigma",
     "figure", "color", "colour", "rgb", "rgba", "amplitude", "confidence", "conf", "mask", "normal",
     "normals", "instance", "instances", "semantic", "semantics", "segmentation", "seg", "label",
     "labels", "disparity", "flow", "albedo", "alpha", "uncertainty", "variance",
