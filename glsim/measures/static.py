@@ -26,11 +26,11 @@ from glsim.measures.stacks import moments, ratio
 #: a Kinect V2 0.47 to 0.84 (docs/results/real_frames.md).
 _MOST_MEDIAN_MM, _MOST_ALIKE, _MOST_SHARE = 3.0, 0.2, 0.05
 _APART_PX = 16
-#: A part of the view moved if many of the blocks of _BLOCK x _BLOCK compared pixels changed: a
-#: share above _MOST_MOVED has a median change above _MOST_MEDIAN_MM and above _MOST_SPREADS times
-#: the spread within the block. Measured shares: static pairs of two D435 and a Kinect V2 0; a part
-#: of a wall that moved by 30 mm 3 %.
-_BLOCK, _MOST_SPREADS, _MOST_MOVED = 4, 3.0, 0.005
+#: A part of the view moved if many of the blocks of _BLOCK_PX x _BLOCK_PX changed: a share above
+#: _MOST_MOVED has a median change above _MOST_MEDIAN_MM and above _MOST_SPREADS times the spread
+#: within the block, which is wider than the noise of a stereo camera (13 px). Measured shares:
+#: static pairs of two D435 and a Kinect V2 0; a part of a wall that moved by 30 mm 3 %.
+_BLOCK_PX, _MOST_SPREADS, _MOST_MOVED = 32, 3.0, 0.005
 #: Smallest number of pixels with depth in both frames, and as a share of those with depth in one.
 _LEAST_PIXELS, _LEAST_SHARED = 100, 0.5
 #: Images of more pixels are subsampled: every eighth pixel along both axes is compared.
@@ -162,15 +162,15 @@ def _change(first: Floats, lag: int, second: Floats, parts: bool = True) -> str:
         moved = ratio(float(products.sum()), float(squares.sum())) > _MOST_ALIKE
     if moved:
         return f"half of the pixels change by more than {median_mm:.0f} mm"
-    share = _moved_share(change) if parts else 0.0
+    share = _moved_share(change, _BLOCK_PX // _APART_PX * lag) if parts else 0.0
     return f"{100 * share:.1f} % of the view moved" if share > _MOST_MOVED else ""
 
 
-def _moved_share(change_mm: Array) -> float:
+def _moved_share(change_mm: Array, side: int) -> float:
     """Compute the share of blocks with depth whose pixels moved together, e.g. with a person."""
-    height, width = (size - size % _BLOCK for size in change_mm.shape)
-    shape = height // _BLOCK, _BLOCK, width // _BLOCK, _BLOCK
-    blocks = change_mm[:height, :width].reshape(shape).swapaxes(1, 2).reshape(-1, _BLOCK**2)
+    height, width = (size - size % side for size in change_mm.shape)
+    shape = height // side, side, width // side, side
+    blocks = change_mm[:height, :width].reshape(shape).swapaxes(1, 2).reshape(-1, side**2)
     blocks = blocks[np.isfinite(blocks).mean(axis=1) >= _LEAST_SHARED]
     if not blocks.size:
         return 0.0

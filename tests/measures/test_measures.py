@@ -51,6 +51,8 @@ def test_large_noise_is_static_and_a_small_shift_is_not() -> None:
     """Noise of 8 mm changes half of the pixels by 7 mm, a step of the camera by 4 mm."""
     far = _frames(noisy(plane(4000.0), 8.0, 1), noisy(plane(4000.0), 8.0, 2))
     assert static_pairs(far) == [(0, 1)]
+    small = _frames(*(noisy(plane(1500.0), 6.0, s, smooth=13)[:128, :128] for s in (1, 2)))
+    assert static_pairs(small) == [(0, 1)], "the noise of a stereo camera is wide"
     near = _frames(noisy(plane(900.0), 1.2, 1), noisy(plane(904.0), 1.2, 2))
     assert static_pairs(near) == []
     assert "more than 4 mm" in view_change(*near)
