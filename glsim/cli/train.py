@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glsim.cli.common import RECIPES, SeedOption, console, options, overrides, print_message
-from glsim.core.errors import ConfigError, DatasetError, counted, require_package
+from glsim.core.errors import ConfigError, counted, require_package
 
 if TYPE_CHECKING:
     from glsim.train.loop import StepStatus
@@ -63,7 +63,7 @@ def train(
         list_recipes: Print the shipped recipes and exit.
     """
     from glsim.core.depth_protocol import check_protocol
-    from glsim.data.header import is_dataset
+    from glsim.data.header import read_header
     from glsim.settings.toml_tables import flattened, toml_value
     from glsim.train.recipe import RECIPE_FILE, assignments_of, load_recipe
 
@@ -89,11 +89,7 @@ def train(
     if begun:
         print_message(f"{folder}: goes on with {', '.join(begun)}")
     for each in data or ():
-        if not is_dataset(each):
-            raise DatasetError(
-                f"--data {each}: is no data set of glsim: glsim generate -o NEW makes one; frames "
-                f"of a camera have no clean depth: glsim adapt {each}, glsim eval-real {each}"
-            )
+        read_header(each)
     for package in ("torch", "lightning_fabric"):
         require_package(package, "glsim train", "train")
     print_message(f"{chosen.title}: trains in {folder}; loading PyTorch and the data")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Final
 
 import numpy as np
 from isal import isal_zlib
@@ -15,9 +15,11 @@ from glsim.core.errors import DatasetError
 from glsim.core.files.atomic import checksum, parse_json, wrap_read_errors
 from glsim.core.files.cloud import cloud_url, open_store
 from glsim.core.files.contents import text_hash
+from glsim.core.files.listing import entries
 from glsim.core.files.regular import open_regular
 from glsim.core.files.store import Store
 from glsim.data.disk_format import COMPLETE, FORMAT, FORMAT_VERSION, HEADER, MANIFEST, STATE
+from glsim.data.map_files import READ_ONLY, SUFFIXES
 from glsim.data.record_schema import (
     MAX_HEADER_BYTES,
     MAX_LINE_BYTES,
@@ -26,6 +28,7 @@ from glsim.data.record_schema import (
     parse_frame,
     parse_header,
 )
+from glsim.data.recordings.streams import STREAMS
 
 _BLOCK_BYTES = 1 << 24
 #: Smallest mean length of a manifest's lines, bytes; the common keys of a record take 200. With
@@ -33,6 +36,15 @@ _BLOCK_BYTES = 1 << 24
 _LEAST_LINE_BYTES = 64
 #: Number of lines read at a time, since the next records are often asked for next; chosen.
 _NEAR = 32
+#: Files in a folder of results of glsim, which is neither data set nor recording -> what it is.
+_RESULTS: Final = {
+    ("table.md", "rows.csv"): "holds scores of glsim eval: read its table.md or report.html",
+    ("table.md", "scores.json"): "holds scores of glsim eval-real: read its table.md",
+    (
+        "recipe.json",
+        "run.json",
+    ): "is a run of glsim train: glsim denoise NOISY -o OUT -d {}/best.pt",
+}
 #: Last words of messages about damage: how to repair it.
 REPAIR = "run glsim generate again with the same settings to repair it"
 
@@ -110,6 +122,32 @@ def is_dataset(place: Path | str) -> bool:
     return cloud_url(place) is not None or (path / HEADER).exists() or (path / STATE).exists()
 
 
+def results_in(folder: Path) -> str:
+    """Say which results of glsim a folder holds and how to use them; "" for other places."""
+    texts = (t for names, t in _RESULTS.items() if all((folder / n).is_file() for n in names))
+    return next(texts, "").format(folder)
+
+
+def _other_than_set(place: str) -> str:
+    """Say what a place without dataset.json is, and which commands read it."""
+    path = Path(place)
+    if results := results_in(path):
+        return results
+    if not path.exists() and cloud_url(place) is None:
+        return "no such folder"
+    text = f"is no data set of glsim: it has no {HEADER}"
+    above = (folder for folder in path.absolute().parents if (folder / HEADER).is_file())
+    if data_set := next(above, None):
+        return f"{text}, but {data_set} is one: give that"
+    ends = (*SUFFIXES, *READ_ONLY, *STREAMS)
+    if any(entries(each, ends)[0] for each in (path, path / "depth") if each.is_dir()):
+        return (
+            f"{text}; depth maps of a camera: glsim inspect {path}, glsim adapt {path}, glsim "
+            f"eval-real {path}; glsim import {path} -o NEW makes a data set of them"
+        )
+    return f"{text}; glsim generate -o NEW makes one"
+
+
 def read_header(place: Path | str) -> dict[str, Any]:
     """Read and check dataset.json. Raises DatasetError if it is absent or unreadable."""
     return _read_header(open_store(place))[0]
@@ -143,9 +181,7 @@ def _read_header(store: Store) -> tuple[dict[str, Any], bytes]:
                 f"{store}: is not complete{parts and f' (missing: {parts})'}: run glsim "
                 "generate again with the same settings"
             )
-        above = (path for path in Path(str(store)).absolute().parents if (path / HEADER).is_file())
-        part = f", but {set_above} is one: give that" if (set_above := next(above, None)) else ""
-        raise DatasetError(f"{store}: is no data set of glsim: it has no {HEADER}{part}")
+        raise DatasetError(f"{store}: {_other_than_set(str(store))}")
     where = store.where(HEADER)
     header = parse_json(data, where)
     if header.get("format") != FORMAT:

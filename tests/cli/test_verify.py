@@ -45,7 +45,8 @@ def test_problems_are_listed_one_a_line(tree: Path, capsys: pytest.CaptureFixtur
     assert status == 1
     assert problems[0].startswith(f"{PNG}: was changed after it was written")
     assert verify(capsys, tree.parent)[1] == [
-        f"{tree.parent}: is no data set of glsim: it has no dataset.json"
+        f"{tree.parent}: is no data set of glsim: it has no dataset.json; glsim generate -o NEW "
+        "makes one"
     ]
     (folder,) = verify(capsys, tree / "train")[1]
     assert folder.endswith(f"it has no dataset.json, but {tree.absolute()} is one: give that")

@@ -17,6 +17,7 @@ from glsim.core.files.atomic import read_json
 from glsim.core.files.listing import check_number, entries, files_below, natural
 from glsim.core.files.png import MAX_IMAGE_BYTES, image_size
 from glsim.core.files.regular import MOST_HELD, read_data, read_regular
+from glsim.data.header import results_in
 from glsim.data.map_files import BIWI_CALIBRATION, DUMP_SHAPE, DUMPS, READ_ONLY, STACKS, SUFFIXES
 from glsim.data.recordings.biwi import read_calibration
 from glsim.data.recordings.camera_file import CAMERA_FILE, StatedCamera, read_camera_file
@@ -35,15 +36,6 @@ _CAMERA_ENDS: Final = (".json", ".yaml", ".yml", ".txt", ".xml", ".toml", ".ini"
 _CAMERA_WORDS: Final = re.compile("intrinsic|camera|calib")
 #: Groups of suffixes of depth maps; the first group that a folder has is read, no other.
 _FORMATS: Final = ((".png",), (*SUFFIXES[1:], *READ_ONLY), DUMPS[:-1])
-#: Files in a folder of results of glsim, which is no recording -> what the folder is.
-_RESULTS: Final = {
-    ("table.md", "rows.csv"): "holds scores of glsim eval: read its table.md or report.html",
-    ("table.md", "scores.json"): "holds scores of glsim eval-real: read its table.md",
-    (
-        "recipe.json",
-        "run.json",
-    ): "is a run of glsim train: glsim denoise NOISY -o OUT -d {}/best.pt",
-}
 #: Kind of map -> last words of file names; if a folder has such files, only these are read.
 _MARKS: Final = {
     "noisy": ("_depth", "_noisy"),
@@ -71,9 +63,8 @@ def list_maps(
 
     Raises NoDepthError: the folder has no depth map; ConfigError: it holds results of glsim.
     """
-    for names, meaning in _RESULTS.items():
-        if all((folder / name).is_file() for name in names):
-            raise ConfigError(f"{folder}: {meaning.format(folder)}")
+    if results := results_in(folder):
+        raise ConfigError(f"{folder}: {results}")
     groups: dict[Path, list[Path]] = {}
     for path in _images(folder, below):
         groups.setdefault(path.parent, []).append(path)
