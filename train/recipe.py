@@ -208,11 +208,14 @@ def load_recipe(
     """
     file = _recipe_file(recipe, Path())
     tree = _read_tree(file, 0)
-    tree["assignments"] = list(assignments)
+    tree["assignments"], places = list(assignments), {}
     for text in tree["assignments"]:
-        assign(tree, *split_assignment(text, "training.batch=8 or loss.beta_mm=2"), text)
+        path, value = split_assignment(text, "training.batch=8 or loss.beta_mm=2")
+        assign(tree, path, value, text)
+        places[tuple(path)] = f"--set {text}"
     merge_kinds(tree, overrides or {})
-    return parse_table(Recipe, tree, str(file.stem if file.parent == RECIPE_FOLDER else file))
+    where = str(file.stem if file.parent == RECIPE_FOLDER else file)
+    return parse_table(Recipe, tree, where, places)
 
 
 def assignments_of(run: Path) -> list[str]:

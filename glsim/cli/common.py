@@ -13,7 +13,7 @@ import threading
 import tomllib
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from copy import copy
 from dataclasses import dataclass
 from importlib import import_module
@@ -25,7 +25,15 @@ import typer
 from rich.console import Console
 from typer.core import TyperCommand
 
-from glsim.core.errors import ConfigError, GlsimError, one_line, require_package, with_mesh_option
+from glsim.core.errors import (
+    ConfigError,
+    GlsimError,
+    UnknownSettingError,
+    did_you_mean,
+    one_line,
+    require_package,
+    with_mesh_option,
+)
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -271,14 +279,15 @@ def _option_advice(error: typer.TyperException, arguments: list[str]) -> str | N
         return f"{extra[1]}: to name the folder of the data set, give -o {extra[1]}"
     if longer := [name for name in known if len(option) > 2 and name.startswith(option)]:
         return f"No such option: {option}, did you mean {' or '.join(longer)}?"
-    if not option or command not in ("generate", "render"):
+    if not option or "--set" not in known or command == "train":
         return None
+    from glsim.core.camera import DEFAULT_SENSOR
+    from glsim.sensors.sensor import load_sensor, stage_parameters
     from glsim.settings.schema import Settings
-    from glsim.settings.toml_tables import flattened
+    from glsim.settings.toml_tables import dotted_names
 
-    tree = flattened(Settings().model_dump(mode="json"))
-    names = (name.removesuffix(".constant") for name in tree)
     wanted = option.removeprefix("--").replace("-", "_")
+    names = [*dotted_names(Settings), *stage_parameters(load_sensor(DEFAULT_SENSOR).stages)]
     named = [name for name in names if name.split(".")[-1] == wanted]
     words = [*" ".join(arguments).partition(option)[2].replace("=", " ", 1).split(), "VALUE"]
     return f"{option} is a setting: --set {named[0]}={words[0]}" if named else None
@@ -321,13 +330,27 @@ def as_typed(text: str) -> str:
 def _error_text(error: Exception) -> str:
     """Describe an error in one line; only unexpected errors are called a bug."""
     if isinstance(error, GlsimError):
-        return str(error)
+        return _with_stage(error) if isinstance(error, UnknownSettingError) else str(error)
     if isinstance(error, MemoryError):
         return "out of memory: ask for fewer frames, fewer workers or a smaller crop"
     if isinstance(error, OSError) and error.strerror:
         place = f"{error.filename}: " if error.filename else ""
         return f"{place}{error.strerror}"
     return f"{one_line(error)} (a bug; --debug shows where)"
+
+
+def _with_stage(error: UnknownSettingError) -> str:
+    """Name a parameter of the chosen sensor's stages that is called as an unknown setting."""
+    from glsim.sensors.sensor import load_sensor, stage_parameters
+
+    text, names = str(error), list[str]()
+    with suppress(GlsimError):
+        names = stage_parameters(load_sensor(error.sensor).stages) if error.sensor else []
+    advice = did_you_mean(error.name, (), elsewhere=names)
+    if not advice.startswith("did"):
+        return text
+    before, known, _ = text.partition(" (known: ")
+    return f"{before} ({advice})" if known else f"{text[:-2]} or {advice[13:]})"
 
 
 def overrides(**values: Any) -> dict[str, Any]:

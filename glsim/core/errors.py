@@ -37,6 +37,14 @@ class ConfigError(GlsimError):
     """The error of a wrong setting, parameter or sensor file (CLI exit status 2)."""
 
 
+class UnknownSettingError(ConfigError):
+    """The error of an unknown setting ``name``; ``sensor``: the sensor of the settings, or ""."""
+
+    def __init__(self, text: str, name: str, sensor: str = "") -> None:
+        super().__init__(text)
+        self.name, self.sensor = name, sensor
+
+
 class DepthRangeError(ConfigError):
     """The error of a depth too large for a file's 16 bits in the chosen unit."""
 
@@ -97,15 +105,20 @@ def with_mesh_option(text: str, before: str) -> str:
     return re.sub(r"(?<![\w.-])(unit|axes)='?([\w.+-]*\w)'?", rf"{before}\1=\2", text)
 
 
-def did_you_mean(name: str, known: Iterable[str], table: str = "") -> str:
+def did_you_mean(
+    name: str, known: Iterable[str], table: str = "", elsewhere: Iterable[str] = ()
+) -> str:
     """Suggest names for an unknown one: similar names, after their table, or else all known names.
 
-    Without a similar one, names that contain the unknown one: "d435" means "realsense-d435".
+    Before these: dotted names ``elsewhere`` of which it is the last part. Without a similar name,
+    names that contain the unknown one: "d435" means "realsense-d435".
     """
     names = sorted(known)
+    near = sorted(n for n in elsewhere if n.rpartition(".")[2] == name)[:3]
     within = [n for n in names if len(name) > 2 and name.lower() in n.lower()]
-    if near := difflib.get_close_matches(name, names, n=3) or within[:3]:
-        return f"did you mean {' or '.join(repr(table + n) for n in near)}?"
+    near = near or [table + n for n in difflib.get_close_matches(name, names, n=3) or within[:3]]
+    if near:
+        return f"did you mean {' or '.join(map(repr, near))}?"
     return f"known: {', '.join(names)}" if names else "there are none"
 
 

@@ -15,7 +15,7 @@ distance, pixels, as a function of p. ``glsim.noise.registry`` finds stages by n
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -116,9 +116,13 @@ def array_parameter(name: str, spec: Sequence[Any], file: Path, line: int) -> Pa
 
 
 def make_stage(
-    name: str, spec: StageSpec, settings: Mapping[str, Distribution], where: str
-) -> Stage:
-    """Make a stage: check its settings, and add defaults. Raises ConfigError with ``where``."""
+    name: str, spec: StageSpec, settings: Mapping[str, Distribution], where: str,
+    elsewhere: Iterable[str] = (),
+) -> Stage:  # fmt: skip
+    """Make a stage: check its settings, and add defaults. Raises ConfigError with ``where``.
+
+    ``elsewhere``: parameters to propose, as stage.parameter.
+    """
     if not _NAME.fullmatch(name):
         raise ConfigError(
             f"{where}: {name!r:.80} is no name of a stage: take letters, digits, _ and -, with "
@@ -130,7 +134,8 @@ def make_stage(
     for key, setting in settings.items():
         if key not in known:
             raise ConfigError(
-                f"{where}: no such parameter {key!r} of stage {name!r} ({did_you_mean(key, known)})"
+                f"{where}: no such parameter {key!r} of stage {name!r} "
+                f"({did_you_mean(key, known, elsewhere=elsewhere)})"
             )
         parameter = spec.parameters.get(key, _ENABLED)
         for value in setting.bounds():

@@ -17,7 +17,7 @@ base_sigma_mm = 1.5       parameters: numbers or distributions; they replace the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -307,6 +307,11 @@ def sensor_code(settings: Settings) -> list[str]:
     return [use for use in uses if isinstance(use, str) and is_code(use)]
 
 
+def stage_parameters(stages: Iterable[Stage]) -> list[str]:
+    """Return the names of all parameters of stages, as ``--set`` takes them."""
+    return [f"{stage.name}.{key}" for stage in stages for key in stage.settings if key != ENABLED]
+
+
 def load_sensor(
     name: str,
     overrides: Mapping[str, Mapping[str, Distribution]] | None = None,
@@ -333,14 +338,13 @@ def load_sensor(
     places: dict[tuple[str, ...], str]
     places = {("rig", key): place("rig", key) for key in rig_overrides or {}}
     table = parse_table(_SensorFile, tree, str(file), places)
-    overrides = dict(overrides or {})
     changed = {change.name: change for change in changes}
     stages = [
-        _stage(entry, f"{file}: stage {number}", file.parent, overrides, place, changed, daylight)
+        _stage(entry, f"{file}: stage {number}", file.parent, changed, daylight)
         for number, entry in enumerate(table.stage, start=1)
     ]
     for change in changed.values():
-        _insert(stages, change, overrides, place)
+        _insert(stages, change, place)
     if daylight and not any("daylight" in stage.spec.parameters for stage in stages):
         raise ConfigError(f"scene.daylight: no stage of sensor {file.stem!r} knows daylight")
     names = [stage.name for stage in stages]
@@ -349,12 +353,19 @@ def load_sensor(
             raise ConfigError(
                 f'{file}: two stages are called {stage_name!r}: give each a name = "..."'
             )
-    for stage_name in overrides:
-        if stage_name not in names:
-            raise ConfigError(
-                f"{place('stage', stage_name)}: sensor {file.stem!r} has no stage {stage_name!r} "
-                f"({did_you_mean(stage_name, names)})"
-            )
+    parameters = stage_parameters(stages)
+    for stage_name, values in (overrides or {}).items():
+        for key, value in values.items():  # one by one, so that a message names the wrong one
+            where = place("stage", stage_name, key)
+            if stage_name not in names:
+                same = [name for name in parameters if name.endswith(f".{key}")]
+                advice = did_you_mean(key if same else stage_name, names, elsewhere=same)
+                raise ConfigError(
+                    f"{where}: sensor {file.stem!r} has no stage {stage_name!r} ({advice})"
+                )
+            number = names.index(stage_name)
+            spec, before = stages[number].spec, stages[number].settings
+            stages[number] = make_stage(stage_name, spec, {**before, key: value}, where, parameters)
     rig = table.rig.rig()
     check_chain(stages, rig, str(file))
     check_rig(stages, rig, str(file))
@@ -381,12 +392,7 @@ def load_sensor(
     )
 
 
-def _insert(
-    stages: list[Stage],
-    change: StageChange,
-    overrides: Mapping[str, Mapping[str, Distribution]],
-    place: _Place,
-) -> None:
+def _insert(stages: list[Stage], change: StageChange, place: _Place) -> None:
     """Insert a new stage into the chain. Raises ConfigError."""
     names = [stage.name for stage in stages]
     if change.before is not None and change.before not in names:
@@ -397,8 +403,8 @@ def _insert(
     arrays = (n for n, stage in enumerate(stages) if stage.spec.function is not None)
     last = next(arrays, len(stages))
     before = last if change.before is None else names.index(change.before)
-    parameters, where = overrides.get(change.name, {}), place("stage", change.name)
-    stages.insert(before, make_stage(change.name, change.spec, parameters, where))
+    where = place("stage", change.name)
+    stages.insert(before, make_stage(change.name, change.spec, {}, where))
 
 
 def _image_file(
@@ -419,8 +425,6 @@ def _stage(
     entry: Mapping[str, Any],
     where: str,
     folder: Path,
-    overrides: Mapping[str, Mapping[str, Distribution]],
-    place: _Place,
     changed: dict[str, StageChange],
     daylight: Distribution | None,
 ) -> Stage:
@@ -444,10 +448,4 @@ def _stage(
         except ValidationError as error:
             _, message = first_problem(Distribution, error)
             raise ConfigError(f"{where}: {name}.{key}: {message}") from None
-    stage = make_stage(name, spec, parameters, where)
-    if name not in overrides:
-        return stage
-    for key, value in overrides[name].items():  # one by one, so that a message names the wrong one
-        parameters = {**parameters, key: value}
-        stage = make_stage(name, spec, parameters, place("stage", name, key))
-    return stage
+    return make_stage(name, spec, parameters, where)

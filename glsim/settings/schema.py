@@ -42,7 +42,7 @@ from typing import Annotated, Any, Literal, get_args
 from pydantic import BeforeValidator, Field, PrivateAttr, SerializeAsAny, model_validator
 
 from glsim.core.camera import DEFAULT_SENSOR
-from glsim.core.errors import ConfigError
+from glsim.core.errors import ConfigError, UnknownSettingError
 from glsim.settings.distribution import Distribution, NumberSetting, Scope, constant
 from glsim.settings.presets import read_preset
 from glsim.settings.source_settings import SourceSettings, parse_source
@@ -390,7 +390,11 @@ def load_settings(
         merge_tables(tree.setdefault("source", {}), source)
     if preset is not None:
         tree = _over_preset(read_preset(preset), tree)
-    settings = parse_table(Settings, tree, where, places)
+    try:
+        settings = parse_table(Settings, tree, where, places)
+    except UnknownSettingError as error:
+        error.sensor = tree.get("sensor", DEFAULT_SENSOR)
+        raise
     settings = settings.model_copy(update={"source": tuple(map(_with_counts, settings.source))})
     settings._places = places
     return settings

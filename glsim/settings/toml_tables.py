@@ -9,14 +9,14 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from glsim.core.errors import ConfigError, did_you_mean
+from glsim.core.errors import ConfigError, UnknownSettingError, did_you_mean
 from glsim.core.files.regular import read_regular
 from glsim.core.units import M_PER_MM, MM_PER_M
 
@@ -129,6 +129,8 @@ def parse_table(
             length = min(len(at), len(path))
             if length and tuple(path[:length]) == at[:length]:
                 where = place
+        if text.startswith(_NO_SETTING):
+            raise UnknownSettingError(f"{where}: {text}", path[-1]) from None
         raise ConfigError(f"{where}: {text}") from None
 
 
@@ -139,6 +141,7 @@ _DISTRIBUTION = "give a number, or a distribution such as { uniform = [1, 2] }"
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument")
 #: Parts of pydantic's error paths that name a validator, not a setting, begin with these.
 _INTERNAL = ("function-", "tuple[", "lax-or-strict", "is-instance", "literal[")
+_NO_SETTING = "no such setting"
 _TABLE = "is a table: set one of its entries"
 
 
@@ -148,9 +151,12 @@ def first_problem(model: type[BaseModel], error: ValidationError) -> tuple[list[
     path = [part for part in map(str, problem["loc"]) if not part.startswith(_INTERNAL)]
     name = ".".join(path).replace("source.0.", "source.")
     if problem["type"] in _UNKNOWN:
-        known = problem.get("ctx", {}).get("known") or _fields_at(model, path[:-1])
-        advice = did_you_mean(path[-1], known, name.removesuffix(path[-1]))
-        return path, f"no such setting {name!r} ({advice})"
+        elsewhere = list(dotted_names(model))
+        tables = [part for part in path[:-1] if not part.isdigit()]
+        known = [n.split(".")[-1] for n in elsewhere if n.split(".")[:-1] == tables]
+        known = problem.get("ctx", {}).get("known") or known
+        advice = did_you_mean(path[-1], known, name.removesuffix(path[-1]), elsewhere)
+        return path, f"{_NO_SETTING} {name!r} ({advice})"
     text, value = _text(problem), problem.get("input")
     if isinstance(value, str | int | float) and problem["type"] != "literal_error":
         text += f" (got {value!r:.{_SHOWN}})"
@@ -201,18 +207,19 @@ def _near(name: str, known: list[str]) -> str:
     return f" ({text})" if text.startswith("did you mean") else ""
 
 
-def _fields_at(model: type[BaseModel], path: list[str]) -> list[str]:
-    for part in path:
-        field = model.model_fields.get(part)
-        if field is None:
-            continue
-        inner = [field.annotation, *getattr(field.annotation, "__args__", ())]
-        models = [a for a in inner if isinstance(a, type) and issubclass(a, BaseModel)]
-        if models:
-            model = models[0]
-        elif is_dataclass(field.annotation):
-            return [entry.name for entry in fields(field.annotation)]
-    return list(model.model_fields)
+def dotted_names(table: Any, prefix: str = "") -> Iterator[str]:
+    """Yield the names of a model's or dataclass' fields and, after a dot, of the tables in them."""
+    if isinstance(table, type) and issubclass(table, BaseModel):
+        inner = {name: field.annotation for name, field in table.model_fields.items()}
+    elif isinstance(table, type) and is_dataclass(table):
+        inner = {field.name: None for field in fields(table)}
+    else:  # such as tuple[Model, ...] or Model | None
+        for each in get_args(table):
+            yield from dotted_names(each, prefix)
+        return
+    for name, annotation in inner.items():
+        yield prefix + name
+        yield from dotted_names(annotation, f"{prefix}{name}.")
 
 
 def toml_value(value: Any) -> str:
