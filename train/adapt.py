@@ -102,13 +102,9 @@ class MeasuredNoise:
 
 
 def adapt(
-    frames: Sequence[DepthFrame],
-    out: Path,
-    network: str,
-    steps: int,
-    seed: int = 0,
+    frames: Sequence[DepthFrame], out: Path, network: str, steps: int, seed: int = 0,
     announce: Callable[[str], None] = lambda _: None,
-) -> Adaptation:
+) -> Adaptation:  # fmt: skip
     """Fine-tune a shipped network on noisy frames of one camera, and write it as ONNX.
 
     Args:

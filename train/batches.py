@@ -84,12 +84,9 @@ class StoredBatches:
     """
 
     def __init__(
-        self,
-        train: PairDataset,
-        validation: Subset[Batch],
-        fingerprint: dict[str, Any],
+        self, train: PairDataset, validation: Subset[Batch], fingerprint: dict[str, Any],
         recipe: Recipe,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self._train, self._recipe = train, recipe
         self.validation, self.fingerprint = validation, fingerprint
 

@@ -63,15 +63,11 @@ class StepStatus(NamedTuple):
 
 
 def fit(
-    recipe: Recipe,
-    source: BatchSource,
-    folder: Path,
-    *,
-    resume: bool = False,
+    recipe: Recipe, source: BatchSource, folder: Path, *, resume: bool = False,
     on_step: Callable[[StepStatus], None] | None = None,
     should_stop: Callable[[], bool] = lambda: False,
     announce: Callable[[str], None] = lambda _: None,
-) -> dict[str, Any]:
+) -> dict[str, Any]:  # fmt: skip
     """Train a network until a limit, early stopping or ``should_stop`` ends the training.
 
     On the CPU and without a time limit, a resumed training gives the same bits as an uninterrupted
@@ -99,14 +95,9 @@ class TrainingRun:
     """One call of ``fit``, with its device, state, data and run folder."""
 
     def __init__(
-        self,
-        recipe: Recipe,
-        source: BatchSource,
-        folder: Path,
-        resume: bool,
-        fabric: Fabric,
+        self, recipe: Recipe, source: BatchSource, folder: Path, resume: bool, fabric: Fabric,
         announce: Callable[[str], None] = lambda _: None,
-    ) -> None:
+    ) -> None:  # fmt: skip
         self.recipe, self.source, self.folder, self.fabric = recipe, source, folder, fabric
         self._announce = announce
         if not resume and (folder / RECIPE_FILE).exists():

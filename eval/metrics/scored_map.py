@@ -34,13 +34,9 @@ class Truth:
     """
 
     def __init__(
-        self,
-        clean_mm: Depth,
-        noisy_mm: Depth,
-        rays: NDArray[np.floating],
-        regions: Regions | None = None,
-        offset_mm: float = 0.0,
-    ) -> None:
+        self, clean_mm: Depth, noisy_mm: Depth, rays: NDArray[np.floating],
+        regions: Regions | None = None, offset_mm: float = 0.0,
+    ) -> None:  # fmt: skip
         self.regions = regions
         self.offset_mm = offset_mm
         self.clean = clean_mm.astype(np.float64)

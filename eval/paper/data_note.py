@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
+from glsim.core.errors import counted
 from glsim.core.files.atomic import read_json
 from glsim.data.disk_format import HEADER
 from glsim.data.reader import open_dataset
@@ -32,8 +33,11 @@ def run_note(data: Path, runs: Sequence[TrainedRun] = ()) -> str:
     counts = Counter(str(pair.record["source"]) for pair in dataset)
     people = Counter(split for split, _ in {(p.record["split"], p.key.subject) for p in dataset})
     frames = dataset.header["frames"]
-    parts = [f"{name}: {count:,} images of {people[name]} people" for name, count in frames.items()]
-    note = "; ".join(part for part in parts if " 0 images" not in part)
+    note = "; ".join(
+        f"{name}: {counted(count, 'image')} of {counted(people[name], 'person', 'people')}"
+        for name, count in frames.items()
+        if count
+    )
     note += f". Faces: {', '.join(f'{source_name(kind)} ({n:,})' for kind, n in counts.items())}."
     others = " and ".join(source_name(kind) for kind in counts if kind not in PAPER_SOURCES)
     missing = missing_counts(counts)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from glsim.core.depth_protocol import MEANING
+from glsim.core.errors import counted
 from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.metrics.frame_score import METRICS
 from glsim.eval.metrics.ssim import PRESETS
@@ -114,8 +115,8 @@ def paper_table(
         [
             *filter(None, [note]),
             _TEXTS["means"].format(
-                frames=evaluation.frames,
-                people=len(evaluation.summary.subjects),
+                frames=counted(evaluation.frames, "frame"),
+                people=counted(len(evaluation.summary.subjects), "subject"),
                 protocol=evaluation.protocol,
                 meaning=MEANING[evaluation.protocol],
             ),

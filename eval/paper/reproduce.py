@@ -171,13 +171,9 @@ def reproduce(
 
 
 def _score(
-    plan: ReproductionPlan,
-    runner: Runner,
-    data: Path,
-    folder: Path,
-    protocol: DepthProtocol,
+    plan: ReproductionPlan, runner: Runner, data: Path, folder: Path, protocol: DepthProtocol,
     tables: Sequence[int],
-) -> None:
+) -> None:  # fmt: skip
     runs = folder / "runs" if 2 in tables else None
     job = ScoringJob(data, "test", plan.denoisers if runs else (), protocol=protocol)
 

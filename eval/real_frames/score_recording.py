@@ -67,13 +67,9 @@ def _score_frame(
 
 
 def score_recording(
-    recording: SplitRecording,
-    denoisers: Sequence[str],
-    *,
-    scoring_half: bool = False,
-    workers: int | None = None,
-    progress: Callable[[FrameProgress], None] | None = None,
-) -> RealScores:
+    recording: SplitRecording, denoisers: Sequence[str], *, scoring_half: bool = False,
+    workers: int | None = None, progress: Callable[[FrameProgress], None] | None = None,
+) -> RealScores:  # fmt: skip
     """Score denoisers and the raw frames on a recording.
 
     ``scoring_half``: score only on static pairs that ``tune_on_pairs`` does not use.
@@ -90,12 +86,9 @@ def score_recording(
 
 
 def tune_on_pairs(
-    recording: SplitRecording,
-    names: Sequence[str] | None = None,
-    *,
-    workers: int | None = None,
+    recording: SplitRecording, names: Sequence[str] | None = None, *, workers: int | None = None,
     progress: Callable[[FrameProgress], None] | None = None,
-) -> tuple[list[str], RealScores]:
+) -> tuple[list[str], RealScores]:  # fmt: skip
     """Choose the filter settings with the best ``pair_change`` on the tuning half of the recording.
 
     Returns the best setting of each filter, as on the command line, and the scores of all settings.

@@ -141,16 +141,13 @@ def add_up(
     return RealScores(
         title=recording.source.path.name,
         methods={name: _measures(total, raw) for name, total in totals.items()},
-        versions=dict(versions),
-        checksums=recording.checksums(),
-        static_frames=len(recording.partner),
-        scenes=recording.scenes,
-        boards=sum(frame.has_board for frame in scored),
-        by_scene=recording.by_scene,
+        versions=dict(versions), checksums=recording.checksums(),
+        static_frames=len(recording.partner), scenes=recording.scenes,
+        boards=sum(frame.has_board for frame in scored), by_scene=recording.by_scene,
         own_ring_losses=(ratio(losses[1], losses[0]), ratio(losses[3], losses[2])),
         pixels=raw.pair[..., 0].sum(axis=0).astype(int).tolist(),
         simulated_by=recording.recording.simulated_by,
-    )
+    )  # fmt: skip
 
 
 def _measures(total: Tally, raw: Tally) -> RealMeasures:

@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from glsim.core.errors import counted
 from glsim.core.files.atomic import json_text, write_atomic
 from glsim.eval.real_frames.frame_truth import BINS_M
 from glsim.eval.real_frames.totals import EDGES, Interval, RealMeasures, RealScores
@@ -23,17 +24,18 @@ _EDGE_HEADS: Final[dict[str, tuple[str, float]]] = _TEXTS["edge_columns"]
 def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Document:
     """Return the tables of all measures, with a description of the recording."""
     distances = [f"{near:g}-{far:g} m" for near, far in pairwise(BINS_M)]
-    units = f"{scores.scenes} static scenes" if scores.by_scene else "tiles of 64 x 64 px"
+    scenes = counted(scores.scenes, "static scene")
+    units = scenes if scores.by_scene else "tiles of 64 x 64 px"
     first, second = scores.own_ring_losses
     own = _TEXTS["own_losses"].format(first=100 * first, second=100 * second)
     own = "" if math.isnan(first) else own
     page = Document(f"{scores.title}: {scores.kind}")
     page.parts += [
         _TEXTS["head"].format(
-            frames=len(scores.checksums),
+            frames=counted(len(scores.checksums), "frame"),
             identity=scores.identity,
             static=scores.static_frames,
-            scenes=scores.scenes,
+            scenes=scenes,
             boards=scores.boards,
         )
     ]

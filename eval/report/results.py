@@ -33,13 +33,9 @@ _COLUMNS: Final = 5
 
 
 def write_results(
-    evaluation: Evaluation,
-    table: ResultTable,
-    job: ScoringJob,
-    out: Path,
-    pages: Mapping[str, Document] | None = None,
-    drawn: Sequence[str] | None = None,
-) -> list[Path]:
+    evaluation: Evaluation, table: ResultTable, job: ScoringJob, out: Path,
+    pages: Mapping[str, Document] | None = None, drawn: Sequence[str] | None = None,
+) -> list[Path]:  # fmt: skip
     """Write table.md and .tex, the CSV files, further pages and, with figures, report.html.
 
     Tables and figures show the default composite of a network; table.csv has all composites.
@@ -96,7 +92,8 @@ def _pictures(evaluation: Evaluation, job: ScoringJob) -> list[CaptionedPng]:
                 for name in names[first:last]
             }
             figure = method_panels(frame, titled, PANEL_ROWS, title)
-            caption = "One frame in the same scale; errors: red is too far, blue too near."
+            shown = title.partition(",")[0]
+            caption = f"One frame, {shown}, in one scale; errors: red is too far, blue too near."
             if sheet == 0:
                 caption += " Truth, input, the best inside, the best filter, others; tuned last."
             pictures.append(CaptionedPng(f"gallery_{sheet + 1}", caption, to_png(figure)))
@@ -117,7 +114,7 @@ def example_frame(job: ScoringJob) -> tuple[DepthFrame, dict[str, Depth], str] |
         except DatasetError:
             continue
         maps: dict[str, Depth] = {}
-        title = f"{frame.key}, protocol {frames.protocol}"
+        title = f"{number + 1} of {len(frames)}: {frame.key}, protocol {frames.protocol}"
         for method in methods:
             try:
                 maps |= denoise(method, stacks, number)[0]

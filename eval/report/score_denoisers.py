@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from glsim.core.errors import DatasetError, DenoiserError
+from glsim.core.errors import DatasetError, DenoiserError, counted
 from glsim.data.progress import FrameProgress
 from glsim.denoise.registry import PAPER_FILTERS
 from glsim.eval.report.document import Document
@@ -18,15 +18,10 @@ from glsim.eval.scoring.trained_networks import TrainedNetworks, group_by_networ
 
 
 def score_denoisers(
-    job: ScoringJob,
-    out: Path,
-    trained: TrainedNetworks | None = None,
-    *,
+    job: ScoringJob, out: Path, trained: TrainedNetworks | None = None, *,
     pages: Callable[[Evaluation, ResultTable], Mapping[str, Document]] | None = None,
-    figures: bool = True,
-    workers: int = 1,
-    progress: Callable[[FrameProgress], None] | None = None,
-) -> tuple[list[Path], list[str]]:
+    figures: bool = True, workers: int = 1, progress: Callable[[FrameProgress], None] | None = None,
+) -> tuple[list[Path], list[str]]:  # fmt: skip
     """Score the denoisers of a job and trained networks; write all results.
 
     Args:
@@ -55,9 +50,9 @@ def score_denoisers(
     written = write_results(evaluation, table, job, out, more, drawn=drawn if figures else None)
     if evaluation.bad:
         raise DatasetError(
-            f"{evaluation.bad} of {evaluation.frames} frames could not be scored by some methods, "
-            f"or all, see {out / 'bad.csv'}, the first: {evaluation.first_bad[0]}; tables have "
-            "the others"
+            f"{evaluation.bad} of {counted(evaluation.frames, 'frame')} could not be scored by "
+            f"some methods, or all, see {out / 'bad.csv'}, the first: {evaluation.first_bad[0]}; "
+            "tables have the others"
         )
     if trained is not None and trained.refused:
         raise DenoiserError(

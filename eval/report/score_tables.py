@@ -104,7 +104,7 @@ def result_lines(summary: ScoreSummary) -> list[str]:
             interval = f" (95 % interval {low} to {high})"
             if gap.subjects < FEW_SUBJECTS:
                 interval = f" (too few people for an interval: {FEW_SUBJECTS} are needed)"
-            people = f"{gap.lower} of {gap.subjects} people"
+            people = f"{gap.lower} of {counted(gap.subjects, 'person', 'people')}"
             if gap.high < 0:
                 line = f"is best {what}: {size} {unit} better than `{other}`{interval}, in {people}"
             else:
@@ -146,8 +146,8 @@ def result_documents(evaluation: Evaluation, table: ResultTable) -> list[Documen
     """Return the tables of scores, face parts, bias and baselines; empty tables are left out."""
     people = len(evaluation.summary.subjects)
     enough = people >= FEW_SUBJECTS
-    words = {"frames": evaluation.frames, "people": people, "intervals": ""}
-    words |= {"intervals": TEXTS["scores"]["intervals"]} if enough else {}
+    words = {"frames": counted(evaluation.frames, "frame"), "people": counted(people, "subject")}
+    words["intervals"] = TEXTS["scores"]["intervals"] if enough else ""
     scores = Document("Scores", [TEXTS["scores"]["head"].format(**words)])
     for title, names in TABLE_SECTIONS.items():
         metrics = [METRICS[name] for name in names]
@@ -172,13 +172,9 @@ def note_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]
 
 
 def _table(
-    table: ResultTable,
-    metrics: Sequence[Metric],
-    heads: Sequence[str],
-    *,
-    intervals: bool = False,
+    table: ResultTable, metrics: Sequence[Metric], heads: Sequence[str], *, intervals: bool = False,
     gaps: Mapping[str, str] | None = None,
-) -> TextTable:
+) -> TextTable:  # fmt: skip
     """Return a row per method, best means bold, without metrics that no frame has.
 
     ``gaps`` stand beside the error inside surfaces.
@@ -262,9 +258,9 @@ def _baselines(evaluation: Evaluation) -> Document | None:
 def _remarks(evaluation: Evaluation, table: ResultTable) -> list[str]:
     """List warnings: few subjects, undefined metrics, and frames that could not be scored."""
     lines = []
-    subjects = len(evaluation.summary.subjects)
-    if subjects < FEW_SUBJECTS:
-        lines.append(TEXTS["scores"]["few"].format(people=subjects, enough=FEW_SUBJECTS))
+    if (subjects := len(evaluation.summary.subjects)) < FEW_SUBJECTS:
+        people = counted(subjects, "subject")
+        lines.append(TEXTS["scores"]["few"].format(people=people, enough=FEW_SUBJECTS))
     undefined: dict[tuple[int, str], list[str]] = {}
     for name in (name for names in TABLE_SECTIONS.values() for name in names):
         for missing in sorted({entries[name].undefined for entries in table.values()} - {0}):

@@ -53,13 +53,9 @@ class Evaluation:
 
 
 def evaluate(
-    job: ScoringJob,
-    out: Path,
-    *,
-    workers: int | None = None,
-    baselines: bool = True,
+    job: ScoringJob, out: Path, *, workers: int | None = None, baselines: bool = True,
     progress: Callable[[FrameProgress], None] | None = None,
-) -> Evaluation:
+) -> Evaluation:  # fmt: skip
     """Score every frame of a set by every denoiser; write rows.csv and bad.csv to ``out``.
 
     Raises ConfigError for a wrong denoiser, a denoiser trained under another protocol, or an empty
@@ -118,13 +114,9 @@ def load_methods(specs: Sequence[str], *taken: str) -> list[Denoiser]:
 
 
 def _score_missing(
-    job: ScoringJob,
-    folder: Path,
-    blocks: list[FrameBlock],
-    workers: int,
-    total: int,
+    job: ScoringJob, folder: Path, blocks: list[FrameBlock], workers: int, total: int,
     progress: Callable[[FrameProgress], None] | None,
-) -> None:
+) -> None:  # fmt: skip
     stored = ((block, _read(folder, block.number)) for block in blocks)
     # Bad frames may have been repaired since.
     missing = [block for block, scored in stored if scored is None or scored.bad]

@@ -31,13 +31,9 @@ class Tuned:
 
 
 def tune_filters(
-    job: ScoringJob,
-    names: Sequence[str],
-    out: Path,
-    *,
-    workers: int | None = None,
+    job: ScoringJob, names: Sequence[str], out: Path, *, workers: int | None = None,
     progress: Callable[[FrameProgress], None] | None = None,
-) -> list[Tuned]:
+) -> list[Tuned]:  # fmt: skip
     """Score each filter's grid of settings on ``job.split``; write all trials to tuning.csv.
 
     The metric SURFACE chooses the filter's parameters, with the input's mask. Then SILHOUETTE

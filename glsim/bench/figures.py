@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from glsim.bench.compare.comparison import Comparison
 from glsim.bench.validate.report import Band, ValidationReport
 from glsim.core.depth_frame import Frames
+from glsim.core.errors import counted
 from glsim.core.files.atomic import write_atomic
 
 #: Most frames of a page. Relief is depth minus its mean in a window of this side, px; colours reach
@@ -28,6 +29,8 @@ def draw_comparison(comparison: Comparison, first: Frames, second: Frames, file:
     numbers = sorted({*np.linspace(0, count - 1, _FRAMES).astype(int).tolist()})
     figure = _figure(13.0, 0.6 + 2.7 * len(numbers))
     lines = [fill(line.replace("*", ""), _TITLE_LETTERS) for line in comparison.summary()[:2]]
+    taken = f"{comparison.first.taken}; {comparison.second.taken}"
+    lines.append(f"Measured: {taken}. Drawn: {counted(len(numbers), 'frame')} of each set.")
     figure.suptitle("\n".join(lines), fontsize=8)
     axes = figure.subplots(len(numbers), 4, squeeze=False)
     for row, number in zip(axes, numbers, strict=True):
@@ -36,6 +39,9 @@ def draw_comparison(comparison: Comparison, first: Frames, second: Frames, file:
         most = _COLOURS * float(np.nanmedian(np.abs(reliefs[0])))
         near, far = np.quantile(np.concatenate([d[d > 0] for d in depths]), (0.02, 0.98))
         depths = [np.where(depth > 0, depth, np.nan) for depth in depths]
+        names = [f"{frames.title[-20:]}: {frames[number].name[-30:]}" for frames in (first, second)]
+        for axis, name in zip(row, (*names, *(f"{name}: relief" for name in names)), strict=True):
+            axis.set_title(name, fontsize=8)
         for pair, maps, colours, low, high, name in (
             (row[:2], depths, "viridis_r", near, far, "depth [mm]"),
             (row[2:], reliefs, "RdBu", -most, most, "relief [mm]"),
@@ -43,9 +49,6 @@ def draw_comparison(comparison: Comparison, first: Frames, second: Frames, file:
             style = {"cmap": colours, "vmin": low, "vmax": high, "interpolation": "nearest"}
             drawn = [axis.imshow(each, **style) for axis, each in zip(pair, maps, strict=True)]
             figure.colorbar(drawn[0], ax=pair, label=name, shrink=0.8)
-    names = [frames.title[-40:] for frames in (first, second)]
-    for axis, name in zip(axes[0], (*names, *(f"{name}: relief" for name in names)), strict=True):
-        axis.set_title(name, fontsize=8)
     for axis in axes.flat:
         axis.set(xticks=[], yticks=[], facecolor="black")
     _save(figure, file)

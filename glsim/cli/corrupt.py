@@ -21,7 +21,7 @@ from glsim.cli.common import (
     print_message,
     two_numbers,
 )
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError, DatasetError, counted
 
 if TYPE_CHECKING:
     from glsim.core.depth_frame import DepthFrame
@@ -107,7 +107,7 @@ def corrupt(
     for note in filter(None, notes):
         print_message(note)
     if failures:
-        raise DatasetError(f"{failures} of {len(writer.targets)} maps could not be read")
+        raise DatasetError(f"{failures} of {counted(len(writer.targets), 'map')} could not be read")
 
 
 def _with_noise(noise: DepthNoise, copies: Counter[str], frame: DepthFrame) -> DepthFrame:

@@ -110,7 +110,7 @@ def denoise(
     for line in filter(None, (*notes, writer.sentence("denoised"))):
         print_message(line)
     if failures:
-        raise DatasetError(f"{failures} of {len(writer.targets)} maps could not be read")
+        raise DatasetError(f"{failures} of {counted(len(writer.targets), 'map')} could not be read")
 
 
 def _advice(name: str, denoiser: Denoiser, maps: DenoisedMaps) -> Iterator[str]:

@@ -149,13 +149,9 @@ def named_losses(table: Path) -> Iterator[None]:
 
 
 def score_and_write(
-    score: Callable[..., tuple[list[Path], list[str]]],
-    job: ScoringJob,
-    out: Path,
-    figures: bool,
-    workers: str,
-    tune: Callable[[ScoringJob, Path, int], ScoringJob] | None = None,
-) -> None:
+    score: Callable[..., tuple[list[Path], list[str]]], job: ScoringJob, out: Path, figures: bool,
+    workers: str, tune: Callable[[ScoringJob, Path, int], ScoringJob] | None = None,
+) -> None:  # fmt: skip
     """Score with a progress bar, and print the names of the written files.
 
     ``score`` has the parameters of ``score_denoisers``. ``tune`` adds denoisers to the job.

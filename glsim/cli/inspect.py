@@ -82,7 +82,7 @@ def inspect(
     if shown and out is not None:
         step = max(1, len(report.usable) // shown)
         cells = list(inspection.preview_faces(source, report.usable[::step][:shown], backend))
-        title = f"{path.name}: {kind}, {len(cells)} of {report.frames} frames"
+        title = f"{path.name}: {kind}, {len(cells)} of {counted(report.frames, 'frame')}"
         write_picture(gallery(cells, title), out)
         print_written([out])
 

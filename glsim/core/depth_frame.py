@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from glsim.core.camera import Distortion, Intrinsics, SensorRig
 from glsim.core.depth_protocol import DepthProtocol
-from glsim.core.errors import DatasetError
+from glsim.core.errors import DatasetError, counted
 from glsim.core.units import to_metres
 
 DepthMap = NDArray[np.float32]
@@ -291,7 +291,8 @@ class Frames(Sequence[DepthFrame]):
             return self._like(len(numbers), load, key, self.identity, self.protocol)
         position = number + self._count if number < 0 else number
         if not 0 <= position < self._count:
-            raise IndexError(f"{self.title or 'the set'} has {self._count} frames, not {number}")
+            count = counted(self._count, "frame")
+            raise IndexError(f"{self.title or 'the set'} has {count}, not {number}")
         return self.load(position)
 
     def changed(

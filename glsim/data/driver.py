@@ -79,13 +79,9 @@ def generate_part(
 
 
 def _simulation(
-    settings: Settings,
-    out: Path | str,
-    workers: Workers,
-    backend: str | None,
-    portable: bool,
+    settings: Settings, out: Path | str, workers: Workers, backend: str | None, portable: bool,
     ray: str | None = None,
-) -> tuple[DatasetRun, ChunkRenderer]:
+) -> tuple[DatasetRun, ChunkRenderer]:  # fmt: skip
     """Return the run of a simulated data set, and the function that renders its chunks."""
     sensor = sensor_of(settings)
     sources = open_sources(settings)

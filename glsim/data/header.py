@@ -11,7 +11,7 @@ import numpy as np
 from isal import isal_zlib
 from numpy.typing import NDArray
 
-from glsim.core.errors import DatasetError
+from glsim.core.errors import DatasetError, counted
 from glsim.core.files.atomic import checksum, parse_json, wrap_read_errors
 from glsim.core.files.cloud import cloud_url, open_store
 from glsim.core.files.contents import text_hash
@@ -40,10 +40,7 @@ _NEAR = 32
 _RESULTS: Final = {
     ("table.md", "rows.csv"): "holds scores of glsim eval: read its table.md or report.html",
     ("table.md", "scores.json"): "holds scores of glsim eval-real: read its table.md",
-    (
-        "recipe.json",
-        "run.json",
-    ): "is a run of glsim train: glsim denoise NOISY -o OUT -d {}/best.pt",
+    ("recipe.json", "run.json"): "is a run of glsim train: glsim denoise NOISY -d {}/best.pt",
 }
 #: Last words of messages about damage: how to repair it.
 REPAIR = "run glsim generate again with the same settings to repair it"
@@ -203,7 +200,7 @@ def manifest_problem(header: Mapping[str, Any], manifest: Manifest) -> str | Non
         return f"was changed after it was written (its checksum is in {HEADER})"
     frames = sum(header["frames"].values())
     if len(manifest) != frames:
-        return f"has {len(manifest)} lines, {HEADER} says {frames}"
+        return f"has {counted(len(manifest), 'line')}, {HEADER} says {frames}"
     return None
 
 

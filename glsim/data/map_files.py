@@ -18,7 +18,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from glsim.core.errors import DatasetError
+from glsim.core.errors import DatasetError, counted
 from glsim.core.files.exr import (
     decode_exr,
     depth_channel,
@@ -90,13 +90,9 @@ def format_of(path: Path) -> str:
 
 
 def read_stored(
-    path: Path,
-    number: int | None = None,
-    *,
-    inside: Path | None = None,
-    channel: str | None = None,
-    infrared: bool = False,
-) -> NDArray[Any]:
+    path: Path, number: int | None = None, *, inside: Path | None = None,
+    channel: str | None = None, infrared: bool = False,
+) -> NDArray[Any]:  # fmt: skip
     """Read one map as stored, (H, W) uint16 or float; infrared may have 8 bits.
 
     Axes of length 1 are dropped. Of channels with equal values, one is returned.
@@ -116,7 +112,8 @@ def read_stored(
                 f"{path}: is a stack of {len(stack)} maps, not one: save each by itself"
             )
         if (number or 0) >= len(stack):
-            raise DatasetError(f"{path}: has {len(stack)} frames, frame {number} is needed")
+            count = counted(len(stack), "frame")
+            raise DatasetError(f"{path}: has {count}, frame {number} is needed")
         return _whole_numbers(np.array(stack[number or 0]), path)
     if suffix in DUMPS:
         return _read_dump(path)

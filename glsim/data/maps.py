@@ -361,13 +361,9 @@ def _one_step(units_mm: set[float | None]) -> float | None:
 
 
 def _stream_recording(
-    path: Path,
-    kind: DepthKind,
-    unit_mm: float | None,
-    mirror: bool,
-    infrared: Path | None,
+    path: Path, kind: DepthKind, unit_mm: float | None, mirror: bool, infrared: Path | None,
     topic: str | None,
-) -> Recording:
+) -> Recording:  # fmt: skip
     if infrared is not None:
         raise ConfigError(f"--infrared {infrared}: {path} holds the infrared images itself")
     stream = _open_stream(path, topic)

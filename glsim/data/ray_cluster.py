@@ -174,12 +174,9 @@ def _caller() -> Callable[..., Any]:
 
 
 def run_tasks(
-    ray: Any,
-    function: Callable[..., object],
-    shared: object,
-    calls: Iterable[tuple[_T, tuple[Any, ...]]],
-    environment: Mapping[str, str] | None = None,
-) -> Generator[tuple[_T, Any], None, None]:
+    ray: Any, function: Callable[..., object], shared: object,
+    calls: Iterable[tuple[_T, tuple[Any, ...]]], environment: Mapping[str, str] | None = None,
+) -> Generator[tuple[_T, Any], None, None]:  # fmt: skip
     """Call a function on the cluster; yield (name, result) of each call in any order.
 
     A node whose glsim is another, or which reports in a ``WorkerFailure`` that it cannot work, is

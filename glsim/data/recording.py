@@ -147,7 +147,7 @@ class Recording:
         return self.stated.distortion
 
     def read(self, most: int | None = None, focal_px: float | None = None) -> Frames:
-        """Read the frames into memory.
+        """Read the frames into memory; ``note`` says how many of them.
 
         Raises DatasetError: a file cannot be read, sizes differ, or no pixel has depth.
 
@@ -170,7 +170,8 @@ class Recording:
         if focal_px is not None:
             camera = replace(frames[0].intrinsics, fx=focal_px, fy=focal_px)
             frames = [frame.changed(intrinsics=camera) for frame in frames]
-        return Frames.of(frames, self.path.name or where)
+        taken = f"{len(frames)} of {counted(len(self.frames), 'frame')}"
+        return Frames.of(frames, self.path.name or where, taken)
 
     def read_static(self, most: int | None = MOST_STATIC, part: slice = slice(None)) -> Frames:
         """Read the frames of a camera at rest, without the depth of what moves before it.
@@ -204,7 +205,8 @@ class Recording:
                 + (changes[0] if changes else f"{100 * share:.0f} % of the depths are at rest")
                 + f"): {advice}"
             )
-        note = f"{len(frames)} of {len(self.frames)} frames; {100 * share:.0f} % of the depths rest"
+        note = f"{len(frames)} of {counted(len(self.frames), 'frame')}; "
+        note += f"{100 * share:.0f} % of the depths rest"
         frames = Frames.of(still, frames.title, note)
         lit = [frame for frame in frames if frame.infrared is not None]
         if len(lit) == len(frames) or not lit:

@@ -8,7 +8,7 @@ from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from glsim.core.errors import DatasetError
+from glsim.core.errors import DatasetError, counted
 from glsim.core.files.cloud import open_store
 from glsim.core.files.store import Store
 from glsim.data.disk_format import HEADER, MANIFEST, METADATA, SKIPPED
@@ -68,7 +68,8 @@ class _Verification:
         yield from damaged
         for split, count in counts.items():
             if count != self._header["frames"][split]:
-                yield f"{split} has {count} frames, the header says {self._header['frames'][split]}"
+                said = self._header["frames"][split]
+                yield f"{split} has {counted(count, 'frame')}, the header says {said}"
         if self._strays:
             yield from self._stray_entries()
 

@@ -96,12 +96,9 @@ class Denoiser:
         self._held: deque[Depth] = deque(maxlen=1 + self.before)
 
     def __call__(
-        self,
-        depth_mm: NDArray[Any],
-        infrared: NDArray[Any] | None = None,
-        *,
+        self, depth_mm: NDArray[Any], infrared: NDArray[Any] | None = None, *,
         intrinsics: Intrinsics | None = None,
-    ) -> Denoised:
+    ) -> Denoised:  # fmt: skip
         """Denoise a single depth map, without neighbours in time.
 
         Args:
@@ -123,12 +120,9 @@ class Denoiser:
         return self._finished(self.estimate(frame[None], 0, infrared))
 
     def push(
-        self,
-        depth_mm: NDArray[Any],
-        infrared: NDArray[Any] | None = None,
-        *,
+        self, depth_mm: NDArray[Any], infrared: NDArray[Any] | None = None, *,
         intrinsics: Intrinsics | None = None,
-    ) -> Denoised:
+    ) -> Denoised:  # fmt: skip
         """Denoise the next frame of a stream, with the help of those before, as ``__call__``.
 
         A frame of another size begins a new sequence; a refused frame does not change the stream.

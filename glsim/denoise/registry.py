@@ -108,12 +108,9 @@ def tuning_specs(name: str, cleanups: Sequence[int]) -> list[str]:
 
 
 def load_denoiser(
-    spec: str,
-    *,
-    device: Path | str | None = None,
-    composite: str | None = DEFAULT_COMPOSITE,
+    spec: str, *, device: Path | str | None = None, composite: str | None = DEFAULT_COMPOSITE,
     around: str | None = None,
-) -> Denoiser:
+) -> Denoiser:  # fmt: skip
     """Load a denoiser as a function of a depth map: ``load_denoiser("face")(depth_mm)``.
 
     Args:

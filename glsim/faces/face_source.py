@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.core.errors import ConfigError, MeshError
+from glsim.core.errors import ConfigError, MeshError, counted
 from glsim.core.mesh import Mesh
 from glsim.faces.neck import Neck
 from glsim.settings.source_settings import SourceSettings
@@ -64,7 +64,7 @@ class ComputedKeys(Sequence[FaceKey]):
             return [self._key(position) for position in range(*number.indices(len(self)))]
         position = number + len(self) if number < 0 else number
         if not 0 <= position < len(self):
-            raise IndexError(f"there are {len(self)} frames, not one at {number}")
+            raise IndexError(f"it has {counted(len(self), 'frame')}, not one at {number}")
         return self._key(position)
 
     def __eq__(self, other: object) -> bool:

@@ -63,7 +63,7 @@ def test_from_nothing_and_again(tmp_path: Path, capsys: pytest.CaptureFixture[st
     for text in (two, (out / "paper_values.md").read_text()):
         assert text.splitlines()[0].endswith(", tiny")
         assert "2 trainings (seeds 4) of 1 steps" in text
-        assert "train: 1 images of 1 people" in text
+        assert "train: 1 image of 1 person" in text
 
     # The same command trains nothing again; a step without its output or record is done again.
     run = out / "runs" / "paper-d7-small-4"

@@ -44,14 +44,9 @@ def make_part(
     **faults: Any,
 ) -> PartSummary:
     run = DatasetRun(
-        make_settings(format=format),
-        make_tasks() if tasks is None else tasks,
-        open_store(out),
-        partial(fake_frames, **(SKIP | faults)),
-        SENSOR,
-        renderer,
-        inputs=inputs,
-    )
+        make_settings(format=format), make_tasks() if tasks is None else tasks, open_store(out),
+        partial(fake_frames, **(SKIP | faults)), SENSOR, renderer, inputs=inputs,
+    )  # fmt: skip
     return run_part(run, parse_part(part), in_processes(workers), progress)
 
 

@@ -38,12 +38,9 @@ def nodes() -> Iterator[Nodes]:
 
 
 def make_on_ray(
-    out: Path,
-    nodes: Nodes,
-    progress: Callable[[FrameProgress], None] | None = None,
-    settings=None,
+    out: Path, nodes: Nodes, progress: Callable[[FrameProgress], None] | None = None, settings=None,
     **faults,
-) -> GenerateSummary:
+) -> GenerateSummary:  # fmt: skip
     make_frames = partial(fake_frames, **faults)
     store = open_store(out)
     run = DatasetRun(

@@ -50,5 +50,5 @@ def test_keys_are_the_same_in_any_order(rate: float | None) -> None:
     assert keys[5:20:3] == whole[5:20:3]
     assert keys[-1] == whole[-1]
     assert PerformanceKeys(3, "p0001", 10**9, 8, rate)[10**9 - 1].frame == 7
-    with pytest.raises(IndexError, match="there are 50 frames, not one at 50"):
+    with pytest.raises(IndexError, match="it has 50 frames, not one at 50"):
         keys[50]

@@ -21,13 +21,9 @@ class DnCNN(Backbone):
     """
 
     def __init__(
-        self,
-        in_channels: Width = 1,
-        out_channels: Width = 1,
-        depth: Depth = 20,
-        width: Width = 64,
+        self, in_channels: Width = 1, out_channels: Width = 1, depth: Depth = 20, width: Width = 64,
         residual: bool = True,
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(in_channels, out_channels, residual)
         ends = [in_channels, *[width] * (depth - 1), out_channels]
         layers = [nn.Conv2d(ends[i], ends[i + 1], 3, padding=1) for i in range(depth)]

@@ -84,15 +84,10 @@ class MaskAware(DepthModel):
     sigma_scale: Tensor
 
     def __init__(
-        self,
-        backbone: Backbone,
-        uncertainty: bool = False,
-        surfaces: bool = False,
-        before: Neighbours = 0,
-        after: Neighbours = 0,
-        filters: Filters = FILTERS,
+        self, backbone: Backbone, uncertainty: bool = False, surfaces: bool = False,
+        before: Neighbours = 0, after: Neighbours = 0, filters: Filters = FILTERS,
         keep_clean: bool = True,
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__()
         self.keep_clean, self.margin_px = keep_clean, backbone.margin_px
         self.filters = filters
@@ -105,13 +100,9 @@ class MaskAware(DepthModel):
 
     @staticmethod
     def backbone_settings(
-        uncertainty: bool = False,
-        surfaces: bool = False,
-        before: int = 0,
-        after: int = 0,
-        filters: Sequence[FilterName] = FILTERS,
-        **_others: Any,
-    ) -> dict[str, Any]:
+        uncertainty: bool = False, surfaces: bool = False, before: int = 0, after: int = 0,
+        filters: Sequence[FilterName] = FILTERS, **_others: Any,
+    ) -> dict[str, Any]:  # fmt: skip
         """Return the backbone's arguments that follow from the arguments of the model."""
         extra = extra_channels(NetworkInputs(before, after))
         return {

@@ -32,15 +32,10 @@ class Restormer(Backbone):
     """
 
     def __init__(
-        self,
-        in_channels: Width = 1,
-        out_channels: Width = 1,
-        dim: Annotated[int, Field(ge=8, le=512, multiple_of=8)] = 48,
-        blocks: Levels = (4, 6, 6, 8),
-        heads: Levels = (1, 2, 4, 8),
-        refinement: Blocks = 4,
-        residual: bool = True,
-    ) -> None:
+        self, in_channels: Width = 1, out_channels: Width = 1,
+        dim: Annotated[int, Field(ge=8, le=512, multiple_of=8)] = 48, blocks: Levels = (4, 6, 6, 8),
+        heads: Levels = (1, 2, 4, 8), refinement: Blocks = 4, residual: bool = True,
+    ) -> None:  # fmt: skip
         super().__init__(in_channels, out_channels, residual)
 
         def level(channels: int, scale: int, count: int) -> nn.Sequential:

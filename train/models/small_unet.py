@@ -26,15 +26,10 @@ class SmallUNet(Backbone):
     """
 
     def __init__(
-        self,
-        in_channels: Width = 1,
-        out_channels: Width = 1,
-        width: Width = 24,
-        scales: Scales = 3,
-        blocks: Blocks = 1,
-        growth: Annotated[float, Field(ge=0, le=8)] = 0.5,
+        self, in_channels: Width = 1, out_channels: Width = 1, width: Width = 24,
+        scales: Scales = 3, blocks: Blocks = 1, growth: Annotated[float, Field(ge=0, le=8)] = 0.5,
         residual: bool = True,
-    ) -> None:
+    ) -> None:  # fmt: skip
         super().__init__(in_channels, out_channels, residual)
         # Measured: 48 px with four scales and 80 px with five, see AROUND_PX.
         self.margin_px = max(AROUND_PX, 16 + 2 ** (scales + 1))

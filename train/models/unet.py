@@ -21,13 +21,9 @@ class UNet(Backbone):
     """
 
     def __init__(
-        self,
-        in_channels: Width = 1,
-        out_channels: Width = 1,
-        scales: Scales = 4,
-        width: Width = 64,
-        residual: bool = True,
-    ) -> None:
+        self, in_channels: Width = 1, out_channels: Width = 1, scales: Scales = 4,
+        width: Width = 64, residual: bool = True,
+    ) -> None:  # fmt: skip
         super().__init__(in_channels, out_channels, residual)
         widths = [width * 2**scale for scale in range(scales)]
         self.down = nn.ModuleList(

@@ -131,12 +131,9 @@ def _axes_3d(
 
 
 def _draw_surface(
-    axis: Any,
-    depth_mm: Depth,
-    frame: DepthFrame,
-    bounds: tuple[Points, Points],
+    axis: Any, depth_mm: Depth, frame: DepthFrame, bounds: tuple[Points, Points],
     lit: NDArray[np.floating] | None = None,
-) -> None:
+) -> None:  # fmt: skip
     """Draw the surface of a depth map within a box; ``lit``: (H, W), 0 = in the shadow."""
     mesh = surface(to_metres(depth_mm), SensorRig(frame.intrinsics), STEEPEST_DEG)
     if mesh is None:

@@ -14,7 +14,7 @@ import numpy as np
 from glsim.bench.compare.classifier import TellingFeature, Verdict, tell_apart
 from glsim.bench.compare.patches import KINDS, Patches, edge_patches, surface_patches
 from glsim.core.depth_frame import Frames
-from glsim.core.errors import ConfigError, pip_install
+from glsim.core.errors import ConfigError, counted, pip_install
 from glsim.core.files.atomic import without_nan
 from glsim.core.files.markdown import markdown_table
 from glsim.measures.correlation import LAGS
@@ -42,12 +42,13 @@ _FLOORS = {"planes": (0.51, 0.51), "curved": (0.59, 0.57), "silhouettes, shadow 
 class Measurements:
     """All measures of one set.
 
-    ``size`` is (width, height), px; ``light`` is None without infrared; ``isolated`` are the shares
-    of single holes and of single depths.
+    ``taken`` says how many frames of how many; ``size`` is (width, height), px; ``light`` is None
+    without infrared; ``isolated`` are the shares of single holes and of single depths.
     """
 
     title: str
     frames: int
+    taken: str
     size: tuple[int, int]
     temporal: TemporalNoise
     spatial: SpatialNoise
@@ -56,6 +57,11 @@ class Measurements:
     silhouettes: Silhouettes
     invalid: tuple[tuple[float, float, float], ...]
     isolated: tuple[float, float]
+
+    def shown(self) -> str:
+        """Say which frames were measured."""
+        pairs = counted(self.temporal.pairs, "static pair")
+        return f"{self.taken} of {self.size[0]}x{self.size[1]} px with {pairs}"
 
 
 @dataclass(frozen=True)
@@ -132,9 +138,8 @@ class Comparison:
             "",
             *(f"- {line}" for line in self.summary()),
             "",
-            f"{a.frames} frames of {a.size[0]}x{a.size[1]} with {a.temporal.pairs} static pairs; "
-            f"{b.frames} frames of {b.size[0]}x{b.size[1]} with {b.temporal.pairs}. The last "
-            "column is the ratio, or the difference where it has a sign.",
+            f"{a.shown()}; {b.shown()}. The last column is the ratio, or the difference where it "
+            "has a sign.",
             "",
         ]
         group = ""
@@ -275,9 +280,10 @@ def measure(frames: Frames) -> Measurements:
     pairs = static_pairs(frames)
     size = frames.intrinsics.width, frames.intrinsics.height
     return Measurements(
-        frames.title, len(frames), size, measure_temporal(frames, pairs), measure_spatial(frames),
-        measure_pattern(frames), measure_light(frames, pairs), measure_silhouettes(frames),
-        measure_invalid(frames), measure_isolated(frames),
+        frames.title, len(frames), frames.note or counted(len(frames), "frame"), size,
+        measure_temporal(frames, pairs), measure_spatial(frames), measure_pattern(frames),
+        measure_light(frames, pairs), measure_silhouettes(frames), measure_invalid(frames),
+        measure_isolated(frames),
     )  # fmt: skip
 
 

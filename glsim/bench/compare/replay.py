@@ -22,7 +22,7 @@ from glsim.bench.modes import Mode, find_lattice, possible_modes
 from glsim.core.array_types import Array
 from glsim.core.camera import Intrinsics, SensorRig
 from glsim.core.depth_frame import DepthFrame, Frames
-from glsim.core.errors import ConfigError
+from glsim.core.errors import ConfigError, counted
 from glsim.core.mesh import SKIN_ALBEDO, Mesh
 from glsim.core.products import product
 from glsim.core.units import MM_PER_M
@@ -152,11 +152,12 @@ def compare_replay(
     """
     tried: list[tuple[float, Comparison, Frames, str]] = []
     for mode in possible_modes(load_sensor(sensor), real, stated, find_lattice(real)):
-        progress(f"rendering {len(real)} frames through {sensor}: {mode.name}")
-        grid = Frames.of([f.changed(intrinsics=mode.image) for f in real], real.title)
+        progress(f"rendering {counted(len(real), 'frame')} through {sensor}: {mode.name}")
+        grid = Frames.of([f.changed(intrinsics=mode.image) for f in real], real.title, real.note)
         scene = Replay(grid, sensor, smooth_px=smooth_px, mode=mode)
         made = scene.through(seed=seed, assignments=assignments)
-        comparison = compare_sets(grid, made, progress=progress)
+        same = Frames.of(list(made), made.title, real.note)
+        comparison = compare_sets(grid, same, progress=progress)
         tried.append((comparison.told, comparison, made, mode.name))
     tried.sort(key=lambda entry: entry[0])
     (_, comparison, made, name), *others = tried

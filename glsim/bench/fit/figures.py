@@ -147,6 +147,6 @@ def mean_figures(drawn: Sequence[Figures]) -> Figures:
 
 def figure_text(value: Value) -> str:
     """Write a value and its standard error; "-" if it is unknown."""
-    digits = 3 if abs(value[0]) < 0.2 else 2
+    digits = 3 if abs(value[0]) < 0.2 else 2 if abs(value[0]) < 100 else 0
     spread = f" +- {value[1]:.{digits}f}" if math.isfinite(value[1]) else ""
     return f"{value[0]:.{digits}f}{spread}" if math.isfinite(value[0]) else "-"

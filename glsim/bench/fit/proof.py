@@ -10,9 +10,10 @@ from tempfile import TemporaryDirectory
 from glsim.bench.compare.comparison import compare_sets
 from glsim.bench.compare.patches import KINDS
 from glsim.bench.compare.replay import Replay
-from glsim.bench.fit.figures import Value, figure_text, values_with_errors
+from glsim.bench.fit.figures import figure_text, values_with_errors
 from glsim.bench.fit.fitted_sensor import FittedSensor, write_fitted
 from glsim.core.depth_frame import Frames
+from glsim.core.errors import counted
 from glsim.data.recording import Recording
 
 #: Frames that are replayed, and fewest frames of a recording to halve. Chosen.
@@ -35,25 +36,37 @@ def prove(
         write_fitted(fitted, file)
         scene, shown = Replay(frames, base), []
         for name in (base, str(file)):
-            progress(f"rendering {len(frames)} frames through {name}")
+            progress(f"rendering {counted(len(frames), 'frame')} through {name}")
             shown.append(scene.through(name, seed=1))
-    lines = [f"{'':56} {'recording':>18} {'base':>18} {'fitted':>18}"]
+    rows = [("", ["recording", "base", "fitted"])]
     gains, errors = [], []
     made = [compare_sets(frames, replayed) for replayed in shown]
     for kind in KINDS:
         first, second = (comparison.verdicts[kind] for comparison in made)
         if math.isfinite(first.auc) and math.isfinite(second.auc):
             pairs = [(v.auc, v.auc_error) for v in (first, second)]
-            lines.append(_line(f"AUC of {kind}", [(0.5, math.nan), *pairs]))
+            rows.append((f"AUC of {kind}", ["0.50", *map(figure_text, pairs)]))
             if kind in KINDS[:2]:
                 gains.append(abs(first.auc - 0.5) - abs(second.auc - 0.5))
                 errors.append(math.hypot(first.auc_error, second.auc_error))
     real, *others = map(values_with_errors, (frames, *shown))
     for name, value in real.items():
-        lines.append(_line(name, [value, *(o.get(name, (math.nan,) * 2) for o in others)]))
+        values = [value, *(o.get(name, (math.nan,) * 2) for o in others)]
+        rows.append((name, [*map(figure_text, values)]))
     gain, error = sum(gains), math.hypot(*errors) if errors else math.inf
-    return lines, gain > 2.0 * error
+    return _table(rows), gain > 2.0 * error
 
 
-def _line(name: str, values: Sequence[Value]) -> str:
-    return f"{name[:56]:56} " + " ".join(f"{figure_text(value):>18}" for value in values)
+def _table(rows: Sequence[tuple[str, Sequence[str]]]) -> list[str]:
+    """Align rows of texts; "NAME; GROUP" is a row of the group that the line before them names."""
+    # Without spaces around +- the table has at most 80 columns.
+    split = [(n.partition("; ")[::2], [t.replace(" ", "") for t in texts]) for n, texts in rows]
+    first = max(len(name) + 2 * bool(group) for (name, group), _ in split)
+    wide = [max(map(len, column)) for column in zip(*(texts for _, texts in split), strict=True)]
+    lines, before = [], ""
+    for (name, group), texts in split:
+        lines += [group] if group and group != before else []
+        cells = " ".join(f"{t:>{w}}" for t, w in zip(texts, wide, strict=True))
+        lines.append(f"{'  ' * bool(group) + name:{first}} {cells}")
+        before = group
+    return lines

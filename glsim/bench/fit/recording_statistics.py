@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from glsim.core.array_types import Array, Mask
 from glsim.core.depth_frame import DepthFrame, Frames
-from glsim.core.errors import DatasetError
+from glsim.core.errors import DatasetError, counted
 from glsim.core.units import MM_PER_M
 from glsim.measures.measured_frame import mean_frame
 from glsim.measures.pattern import measure_pattern
@@ -100,7 +100,7 @@ def measure_recording(frames: Frames) -> RecordingStatistics:
     smooth = _smooth_mask(np.where(steady, mean, np.nan))
     if smooth.sum() < _LEAST_PIXELS:
         raise DatasetError(
-            f"{frames.title}: only {int(smooth.sum())} pixels belong to smooth surfaces with "
+            f"{frames.title}: only {counted(int(smooth.sum()), 'pixel')} on smooth surfaces with "
             "depth in nearly all frames: record walls, a floor, a table, and do not move"
         )
     noise = np.where(steady, variance / np.maximum(count, 1), 0.0)
@@ -111,13 +111,10 @@ def measure_recording(frames: Frames) -> RecordingStatistics:
     used = flat if flat.sum() >= _LEAST_FLAT_PX else lit
     pattern = pattern_parameters([mean_frame(frames[start::2]) for start in (0, 1)])
     return RecordingStatistics(
-        frames=len(frames),
-        mean_mm=np.where(steady, mean, np.nan),
-        variance_mm2=np.where(steady, variance, np.nan),
-        smooth=smooth,
-        pattern=pattern,
+        frames=len(frames), mean_mm=np.where(steady, mean, np.nan),
+        variance_mm2=np.where(steady, variance, np.nan), smooth=smooth, pattern=pattern,
         map_mm=pattern_map(mean, used),
-    )
+    )  # fmt: skip
 
 
 def _smooth_mask(mean: Array) -> Mask:

@@ -27,7 +27,7 @@ from glsim.bench.fit import figures
 from glsim.bench.fit.fitted_sensor import FittedSensor, recording_camera, sensor_toml
 from glsim.bench.modes import find_lattice, possible_modes
 from glsim.core.depth_frame import Frames
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError, DatasetError, counted
 from glsim.core.units import MM_PER_M
 from glsim.data.recording import Recording
 from glsim.measures.disparity import LEAST_TILES, find_tiles, to_disparity
@@ -77,7 +77,7 @@ def fit_stereo(
     tiles = len(find_tiles(to_disparity(frames[0].measured_mm, product)).sigma)
     if tiles < LEAST_TILES:
         raise DatasetError(
-            f"{frames.title}: only {tiles} parts of 40x40 px are full of depth: record "
+            f"{frames.title}: only {counted(tiles, 'part')} of 40x40 px full of depth: record "
             "walls, a floor, a table, at several distances, and do not move"
         )
     named = str(Path(base).resolve()) if base.endswith(".toml") else base
@@ -105,7 +105,7 @@ def fit_stereo(
         f"{MM_PER_M * baseline_m:.2f} mm at {image.fx:.1f} px",
     } | trials.lines()  # fmt: skip
     comments = (
-        f"Fitted by glsim fit to {len(frames)} frames of {image.width}x{image.height}: "
+        f"Fitted by glsim fit to {counted(len(frames), 'frame')} of {image.width}x{image.height}: "
         f"{recording.path}",
         *(f"{name}: {line}" for name, line in lines.items()),
         f"All other values are those of {sensor.name}.",

@@ -51,12 +51,9 @@ class ControlRow:
     """Row of a control: label, number box, slider, and a menu for reset or a random range."""
 
     def __init__(
-        self,
-        control: Control,
-        value: Any,
-        change: Callable[[str, Any], None],
+        self, control: Control, value: Any, change: Callable[[str, Any], None],
         settle: Callable[[], None],
-    ) -> None:
+    ) -> None:  # fmt: skip
         """Build the elements of the row.
 
         Args:

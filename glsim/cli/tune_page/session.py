@@ -78,12 +78,9 @@ class TuneSession:
 
 
 def open_session(
-    settings: Settings,
-    assignments: Sequence[str],
-    face: Path | None,
-    command_options: dict[str, Any],
-    real: Path | None,
-) -> TuneSession:
+    settings: Settings, assignments: Sequence[str], face: Path | None,
+    command_options: dict[str, Any], real: Path | None,
+) -> TuneSession:  # fmt: skip
     """Create the session from the options of a command line.
 
     Raises MeshError if ``face`` cannot be read.

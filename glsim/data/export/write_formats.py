@@ -45,15 +45,10 @@ def _find(name: str) -> Export:
 
 
 def export_dataset(
-    dataset: Dataset,
-    out: Path | str,
-    formats: Sequence[str],
-    *,
-    layers: Sequence[str] | None = None,
-    split: str | None = None,
-    count: int | None = None,
+    dataset: Dataset, out: Path | str, formats: Sequence[str], *,
+    layers: Sequence[str] | None = None, split: str | None = None, count: int | None = None,
     progress: Callable[[int], None] | None = None,
-) -> int:
+) -> int:  # fmt: skip
     """Write the frames of a data set to a folder in the chosen formats; return their number.
 
     Files of a frame are named OUT/SPLIT/SUBJECT/SEQUENCE_FRAME..., like the images of the data set,

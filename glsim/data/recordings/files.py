@@ -76,12 +76,9 @@ class MapFiles:
     """
 
     def __init__(
-        self,
-        places: Sequence[FramePlace],
-        given_mm: float | None = None,
-        stated_mm: float | None = None,
-        channel: str | None = None,
-    ) -> None:
+        self, places: Sequence[FramePlace], given_mm: float | None = None,
+        stated_mm: float | None = None, channel: str | None = None,
+    ) -> None:  # fmt: skip
         """Decide the step of integers, and for each folder the unit of floats.
 
         Args:

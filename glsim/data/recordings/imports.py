@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from glsim.core.camera import Intrinsics, SensorRig
-from glsim.core.errors import ConfigError, DatasetError, MeshError
+from glsim.core.errors import ConfigError, DatasetError, MeshError, counted
 from glsim.core.files.contents import content_hash
 from glsim.core.files.listing import entries
 from glsim.core.pose import pose_matrix
@@ -108,13 +108,9 @@ def _biwi_frames(
 
 
 def _biwi_frame(
-    settings: Settings,
-    task: Task,
-    source: Biwi,
-    image: Intrinsics,
-    renderer: Renderer,
+    settings: Settings, task: Task, source: Biwi, image: Intrinsics, renderer: Renderer,
     readback: Readback,
-) -> Frame:
+) -> Frame:  # fmt: skip
     path = source.depth_path(task.key)
     noisy_m = to_metres(from_steps(read_depth_bin(path)))
     if noisy_m.shape != (image.height, image.width):
@@ -165,13 +161,9 @@ class RecordingSource(FaceSource):
     name = "kinect2"
 
     def __init__(
-        self,
-        root: Path,
-        unit_mm: float | None = None,
-        mirror: bool = False,
-        every: int = 1,
+        self, root: Path, unit_mm: float | None = None, mirror: bool = False, every: int = 1,
         topic: str | None = None,
-    ):
+    ):  # fmt: skip
         self.root, self.folder = root, root.parent if root.is_file() else root
         read = partial(open_maps, unit_mm=unit_mm, mirror=mirror, topic=topic, below=False)
         left_out: list[str] = []
@@ -206,7 +198,7 @@ class RecordingSource(FaceSource):
         """Return the names of the recordings."""
         names = list(self.recordings)
         if count is not None and count > len(names):
-            raise ConfigError(f"{self.root}: has {len(names)} recordings, not {count}")
+            raise ConfigError(f"{self.root}: has {counted(len(names), 'recording')}, not {count}")
         return names[:count]
 
     def frames(self, subject: str, count: int | None) -> list[FaceKey]:

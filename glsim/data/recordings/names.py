@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, Literal, get_args
 
-from glsim.core.errors import ConfigError
+from glsim.core.errors import ConfigError, counted
 from glsim.core.files.listing import entries
 
 #: Kind of depth map that a command reads; other kinds in a folder are left out.
@@ -106,7 +106,8 @@ def infrared_files(depth_files: Sequence[Path], given: Path) -> list[Path]:
     files = [given / name for name in named or names]
     if len(files) != len(depth_files):
         raise ConfigError(
-            f"{given}: holds {len(files)} infrared images for {len(depth_files)} depth maps: "
+            f"{given}: holds {counted(len(files), 'infrared image')} for "
+            f"{counted(len(depth_files), 'depth map')}: "
             "give one for each, named in the same order"
         )
     return files

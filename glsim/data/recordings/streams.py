@@ -60,7 +60,7 @@ class FrameStream:
         lit = sum(number is not None for number in self._light_of)
         self.has_infrared = lit == len(self._light_of)
         if lit > 0 and not self.has_infrared:
-            self.notes += (f"{lit} of {len(self._light_of)} frames have infrared",)
+            self.notes += (f"{lit} of {counted(len(self._light_of), 'frame')} with infrared",)
         self.stated, self.camera_notes = self._guarded(self._read_camera)
         first = self._guarded(lambda: self._image(self._depth, 0))
         #: ROS prescribes metres for floats; some drivers send millimetres.

@@ -108,13 +108,9 @@ class SurfaceGradients:
 
 
 def solve(
-    noisy: Floats,
-    weight: Floats,
-    on: SurfaceGradients,
-    alpha_1: np.float32,
-    alpha_0: np.float32,
+    noisy: Floats, weight: Floats, on: SurfaceGradients, alpha_1: np.float32, alpha_0: np.float32,
     iterations: int,
-) -> Floats:
+) -> Floats:  # fmt: skip
     """Minimise the total generalised variation by a primal-dual method; return u, (H, W) float32.
 
     Args:

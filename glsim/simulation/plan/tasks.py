@@ -16,7 +16,7 @@ from typing import NamedTuple, overload
 
 import numpy as np
 
-from glsim.core.errors import ConfigError, DatasetError
+from glsim.core.errors import ConfigError, DatasetError, counted
 from glsim.core.seeds import device_key, stable_seed
 from glsim.faces.face_source import ComputedKeys, FaceKey, FaceSource
 from glsim.settings.distribution import ScopeSeeds
@@ -154,7 +154,7 @@ class Plan(Sequence[Task]):
             return [self[one] for one in range(*index.indices(len(self)))]
         position = index + len(self) if index < 0 else index
         if not 0 <= position < len(self):
-            raise IndexError(f"the plan has {len(self)} frames, not one at {index}")
+            raise IndexError(f"the plan has {counted(len(self), 'frame')}, not one at {index}")
         return self._task(int(np.searchsorted(self._first, position, "right")) - 1, position)
 
     def __iter__(self) -> Iterator[Task]:
@@ -253,7 +253,9 @@ def image_counts(sources: Sequence[SourceSettings], available: Sequence[int]) ->
     for number, (source, images) in enumerate(zip(sources, available, strict=True)):
         name = f"source {number} ({source.kind})"
         if source.count is not None and source.count > images:
-            raise ConfigError(f"{name}: count = {source.count}, but it has {images} images")
+            raise ConfigError(
+                f"{name}: count = {source.count}, but it has {counted(images, 'image')}"
+            )
         if weighted and source.weight is None and source.count is None:
             raise ConfigError(f"{name}: give it a weight or a count, as other sources have")
     pairs = list(zip(sources, available, strict=True))
