@@ -90,7 +90,8 @@ def corrupt(
     sensor = Path(settings.sensor).stem
     writer = MapWriter(recording, [clean], out, sensor=sensor)
     focal = centre = None
-    if (camera := recording.camera) is not None:
+    camera = recording.camera or (recording.assumed_camera if recording.stated.sensor else None)
+    if camera is not None:
         focal, centre = (camera.fx, camera.fy), (camera.cx, camera.cy)
     if focal_px is not None:
         focal = two_numbers("--focal-px", focal_px, or_one=True)

@@ -38,6 +38,7 @@ from glsim.data.recording import FrameReader, Recording, check_least_size
 from glsim.data.recordings.camera_file import StatedCamera, assumed_by, check_size
 from glsim.data.recordings.files import FramePlace, MapFiles, agreed_unit_mm
 from glsim.data.recordings.folders import (
+    json_camera,
     kind_of,
     list_maps,
     stated_camera,
@@ -163,15 +164,14 @@ def open_maps(
             f"channel {reader.ray_channel} is the distance along the ray: along_ray = true in a "
             "camera.toml, or --along-ray, converts it",
         )
-    folder = maps.files[0].parent
-    above = [folder.parent] if folder.name == "depth" else []
-    if stated.intrinsics is None and (unread := unread_cameras(folder, *above)):
-        notes += (f"{', '.join(unread)}: not read; a camera.toml states the camera",)
+    if stated.intrinsics is None and (unread := unread_cameras(maps.files[0].parent)):
+        names = ", ".join(file.name for file in unread)
+        notes += (f"{names}: not read; a camera.toml states the camera",)
     return Recording(
         given[0], kind_of(maps.files[0]), frames, reader, stated, maps.stated_by, notes,
         maps.left_out, tuple(maps.outputs), maps.protocol,
         "" if maps.records or stated.intrinsics else taken, f"{kind}_mm",
-        len({*cameras.values()}) == 1, maps.simulated_by,
+        len({*cameras.values()}) == 1, maps.simulated_by, loader.assumed,
     )  # fmt: skip
 
 
@@ -257,6 +257,8 @@ class _FileList:
         cameras = {}
         for folder, stated in self.cameras.items():
             camera = replace(stated, along_ray=stated.along_ray or along_rays)
+            if stated.intrinsics is None and (beside := json_camera(folder, shape)):
+                camera, self.stated_by = replace(camera, intrinsics=beside[0]), beside[1]
             own = camera.intrinsics
             if camera.along_ray and own is None:
                 raise ConfigError(
@@ -387,7 +389,7 @@ def _stream_recording(
     return Recording(
         path, stream.kind, frames, stream, turned, file or path, notes,
         outputs=outputs, assumed="" if stated.intrinsics else taken,
-        layer=f"{kind}_mm",
+        layer=f"{kind}_mm", assumed_camera=assumed,
     )  # fmt: skip
 
 

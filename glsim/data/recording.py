@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glsim.core.camera import Intrinsics
+from glsim.core.camera import DEFAULT_INTRINSICS, Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.depth_protocol import DepthProtocol
 from glsim.core.errors import DatasetError, counted
@@ -53,6 +53,7 @@ class Recording:
         outputs: relative path of each changed map when it is written.
         protocol: origin of the depths in the files; frames always have measured depths.
         assumed: name of the sensor whose intrinsics are assumed; "" for stated intrinsics.
+        assumed_camera: these intrinsics, for maps of the size of the first.
         is_one_camera: whether ``stated`` holds for every frame; False for crops, several cameras.
         simulated_by: sensor of glsim whose noise the frames have; "" if none is known.
     """
@@ -71,6 +72,7 @@ class Recording:
     layer: str = "noisy_mm"
     is_one_camera: bool = True
     simulated_by: str = ""
+    assumed_camera: Intrinsics = DEFAULT_INTRINSICS
 
     @property
     def camera(self) -> Intrinsics | None:
@@ -97,7 +99,8 @@ class Recording:
         if left_out:
             remarks.append(f"left out {left_out_text(left_out)}")
         if camera and self.camera is None and focal_px is None:
-            taken = taken or self.assumed
+            at = self.assumed_camera
+            taken = taken or f"{self.assumed} (f {at.fx:.0f} px for {at.width}x{at.height})"
             remarks.append(
                 f"states no intrinsics: those of {taken} are taken; a camera.toml beside it states "
                 "them"

@@ -91,7 +91,7 @@ def test_scores_of_real_frames(here: Path, capsys: pytest.CaptureFixture[str]) -
     assert found == json.loads((here / "scores" / "scores.json").read_text())
     assert main(["eval-real", "recording", "-d", "guided", "--no-figures"]) == 0
     told = capsys.readouterr().err
-    assert "states no intrinsics: those of kinect-v2 are taken; a camera.toml" in told
+    assert "states no intrinsics: those of kinect-v2 (f 365 px for " in told
     assert "table.md: replaced one with median: next time give -o NEW" in told
     (here / "recording").rename("other")
     assert main(["eval-real", "other", "-d", "guided"]) == 2

@@ -97,7 +97,7 @@ def test_the_camera_of_other_images_is_not_taken(tmp_path: Path, images: Any, in
     write_topics(tmp_path / "a.bag", images, infos)
     recording = open_maps(tmp_path / "a.bag")
     assert (recording.camera, recording.assumed) == (None, "kinect-v2")
-    assert "states no intrinsics: those of kinect-v2 are taken" in recording.sentence()
+    assert "states no intrinsics: those of kinect-v2 (f 365 px" in recording.sentence()
     assert len(recording.notes) == (1 if infos else 0)
 
 
@@ -156,7 +156,7 @@ def test_two_cameras_are_said_and_chosen(tmp_path: Path, capfd: pytest.CaptureFi
     assert main(["import", "kinect2", str(file), "-o", str(data)]) == 0
     said = capfd.readouterr().err.splitlines()[-1]
     assert "that of /back/depth/image_raw; --topic chooses /left/depth/image_raw" in said
-    assert said.endswith("those of kinect-v2 are taken; a camera.toml beside it states them")
+    assert said.endswith(" px for 64x48) are taken; a camera.toml beside it states them")
     notes = json.loads((data / "manifest.jsonl").read_text())["notes"]
     assert notes["intrinsics_assumed"] == "kinect-v2"
     other = ["--topic", "/left/depth/image_raw"]
@@ -189,7 +189,7 @@ def test_compare_says_whose_intrinsics_it_takes(
     assert main(["compare", str(tmp_path / "a.bag"), str(folder)]) == 0
     last = capfd.readouterr().err.splitlines()[-1]
     assert last.startswith(f"{folder}: ")
-    assert "states no intrinsics: those of kinect-v2 are taken" in last
+    assert "states no intrinsics: those of kinect-v2 (f 365 px" in last
 
 
 @pytest.mark.parametrize("suffix", [".mcap", ".db3"])

@@ -168,4 +168,4 @@ def test_what_is_assumed_or_left_out_is_said_once(
     assert main(["import", "kinect2", str(root), "-o", str(tmp_path / "d")]) == 0
     said = capsys.readouterr().err
     assert "depth_001 has no infrared image: that of the other frames is left out" in said
-    assert said.count("states no intrinsics: those of kinect-v2 are taken") == 1
+    assert said.count("states no intrinsics: those of kinect-v2 (f 365 px") == 1

@@ -349,7 +349,7 @@ QUICK = {".ply", ".png", ".npy", ".bag"}
 SAME = {
     ".tif": ".tiff",
     **dict.fromkeys((".bin", ".raw", ".ir"), ".depth"),
-    **dict.fromkeys(("camera_intrinsic.json", "cameras"), "intrinsic.json"),
+    "cameras": "intrinsic.json",
     **dict.fromkeys(("associations.txt", "associated.txt"), "depth.txt"),
     "intrinsic/intrinsic_depth.txt": "depth.cal",
 }
@@ -377,5 +377,5 @@ def test_hostile_files_are_cheap_or_one_line(tmp_path: Path, reader: str) -> Non
 
 
 def test_every_reader_has_hostile_files() -> None:
-    readers = {*EXTENSIONS, *SUFFIXES, *READ_ONLY, *DUMPS, *STREAMS, *CAMERAS}
+    readers = {*EXTENSIONS, *SUFFIXES, *READ_ONLY, *DUMPS, *STREAMS, *CAMERAS, "intrinsic.json"}
     assert {SAME.get(reader, reader) for reader in readers} <= {*TABLE}

@@ -373,12 +373,17 @@ def test_cameras_of_bop_and_open3d_are_read_and_others_named(tmp_path: Path) -> 
     recording = open_maps(tmp_path)
     assert near(recording.frames[0].noisy_mm)
     assert recording.camera == Intrinsics(40, 32, 60.0, 61.0, 20.0, 16.0)
-    bop.unlink()
+    mine = bop.rename(tmp_path / "my_camera.json")
     by_columns = [60.0, 0, 0, 0, 61.0, 0, 19.5, 15.5, 1]
     columns = {"width": 40, "height": 32, "intrinsic_matrix": by_columns}
     (tmp_path / "intrinsic.json").write_text(json.dumps(columns))
     assert open_maps(tmp_path).camera == recording.camera
-    (tmp_path / "intrinsic.json").rename(tmp_path / "my_camera.json")
+    (tmp_path / "intrinsic.json").unlink()
+    keys = {"width": 40, "height": 32, "fx": 60.0, "fy": 61.0, "ppx": 19.5, "ppy": 15.5}
+    for colour in ({**keys, "width": 80}, {**keys, "fx": 90}):  # of another size, or also named
+        mine.write_text(json.dumps({"color": colour, "depth": keys}))
+        assert open_maps(tmp_path).camera == recording.camera
+    mine.write_text(json.dumps({"left": keys, "right": {**keys, "fx": 90}}))
     assert "my_camera.json: not read; a camera.toml states the camera" in open_maps(tmp_path).notes
 
 

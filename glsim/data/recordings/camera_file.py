@@ -155,12 +155,13 @@ def sensor_camera(name: str, where: Path) -> StatedCamera:
 
 
 def assumed_by(stated: StatedCamera, place: Path, shape: tuple[int, ...]) -> tuple[str, Intrinsics]:
-    """Return the sensor whose intrinsics are taken if none are stated, and these intrinsics."""
-    sensor = stated.sensor or SENSORS_OF_SIZE.get((shape[1], shape[0]), DEFAULT_SENSOR)
-    if stated.intrinsics is None and sensor != DEFAULT_SENSOR:
+    """Return the sensor whose intrinsics are taken if none are stated; and these, for (H, W)."""
+    sensor, camera = DEFAULT_SENSOR, DEFAULT_INTRINSICS
+    named = stated.sensor or SENSORS_OF_SIZE.get((shape[1], shape[0]), sensor)
+    if stated.intrinsics is None and named != sensor:
         with suppress(ConfigError):  # a sensor file of the user
-            return sensor, sensor_camera(sensor, place).intrinsics or DEFAULT_INTRINSICS
-    return DEFAULT_SENSOR, DEFAULT_INTRINSICS
+            sensor, camera = named, sensor_camera(named, place).intrinsics or camera
+    return sensor, camera.for_map((shape[0], shape[1]))
 
 
 def opencv_order(lens: Distortion) -> tuple[float, ...]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -223,21 +224,38 @@ def _bop_cameras(file: Path) -> StatedCamera:
     return StatedCamera(Intrinsics(*size, fx, fy, cx + 0.5, cy + 0.5), unit_mm=step_mm)
 
 
-def _open3d_camera(file: Path) -> StatedCamera:
-    """Return the camera of Open3D's PinholeCameraIntrinsic, whose matrix is listed by columns."""
-    camera = read_json(file)
-    try:
-        fx, _, _, _, fy, _, cx, cy, _ = map(float, camera["intrinsic_matrix"])
-        size = int(camera["width"]), int(camera["height"])
-    except (KeyError, ValueError, TypeError):
-        return StatedCamera()  # another program's file; ``unread_cameras`` names it
-    return StatedCamera(Intrinsics(*size, fx, fy, cx + 0.5, cy + 0.5))
+def json_camera(folder: Path, shape: tuple[int, ...]) -> tuple[Intrinsics, Path] | None:
+    """Return the only camera of the size of (H, W) maps in JSON files beside them, and its file.
+
+    Read are Open3D's matrix, listed by columns, and keys as librealsense writes them: width,
+    height, fx, fy, and ppx, ppy or cx, cy. Of several cameras that named depth is taken. In all of
+    them the first pixel's centre is at 0, in glsim at 0.5.
+    """
+    found: dict[str, tuple[Intrinsics, Path]] = {}
+    for file in unread_cameras(folder):
+        whole = read_json(file) if file.suffix == ".json" else None
+        parts = whole if isinstance(whole, dict) else {}
+        for name, table in {"": whole, **parts}.items():
+            with suppress(LookupError, ValueError, TypeError):
+                if matrix := table.get("intrinsic_matrix") if isinstance(table, dict) else None:
+                    table |= {"fx": matrix[0], "fy": matrix[4], "cx": matrix[6], "cy": matrix[7]}
+                centre = ("ppx", "ppy") if "ppx" in table else ("cx", "cy")
+                keys = ("width", "height", "fx", "fy", *centre)
+                width, height, fx, fy, cx, cy = (float(table[key]) for key in keys)
+                fits = (height, width) == shape and min(fx, fy) >= 1
+                if fits and np.isfinite([fx, fy, cx, cy]).all():
+                    camera = Intrinsics(int(width), int(height), fx, fy, cx + 0.5, cy + 0.5)
+                    found[f"{file.name} {name}".lower()] = camera, file
+    named = {name: camera for name, camera in found.items() if "depth" in name} or found
+    return next(iter(named.values())) if len({c for c, _ in named.values()}) == 1 else None
 
 
-def unread_cameras(*folders: Path) -> list[str]:
-    """Return the names of files that look like a camera description and are not read."""
-    names = {name for folder in folders for name in entries(folder, _CAMERA_ENDS)[0]}
-    return sorted(name for name in names - {*_READERS} if _CAMERA_WORDS.search(name.lower()))
+def unread_cameras(folder: Path) -> list[Path]:
+    """Return files beside maps that look like a camera description and have no reader by name."""
+    places = (folder, folder.parent) if folder.name == "depth" else (folder,)
+    files = [place / name for place in places for name in entries(place, _CAMERA_ENDS)[0]]
+    own = [file for file in files if file.name not in _READERS]
+    return sorted(file for file in own if _CAMERA_WORDS.search(file.name.lower()))
 
 
 def _size_of_maps(folder: Path) -> tuple[int, int] | None:
@@ -268,8 +286,6 @@ _READERS: Final[dict[str, Callable[[Path], StatedCamera]]] = {
     CALIBRATION: _opencv_calibration,
     "intrinsic/intrinsic_depth.txt": _scannet_calibration,
     "scene_camera.json": _bop_cameras,
-    "intrinsic.json": _open3d_camera,
-    "camera_intrinsic.json": _open3d_camera,
     "cameras": _polycam_cameras,
     "depth.txt": _tum_list,
     "associations.txt": _tum_list,
