@@ -59,10 +59,10 @@ FLOAT_FORMATS: Final = ("tiff-float", "npy", "exr")
 #: number of a type (65504 for 16-bit floats). SATURATED, the largest 16-bit integer, is no depth.
 FAR_MM: Final = 65_500.0
 SATURATED: Final = 65535
-#: Note of commands about integers without a stated unit.
+#: Note of commands about integers without a stated unit, and about their median, m.
 TAKEN_FOR_MM: Final = (
-    "nothing states a unit: whole numbers are taken for mm (unit_mm in a camera.toml, or "
-    "--depth-unit-mm where the command has it)"
+    "nothing states a unit: whole numbers are taken for mm, which puts the middle at {:.3g} m "
+    "(unit_mm in a camera.toml, or --depth-unit-mm where the command has it)"
 )
 #: Floats are metres if their median is below the first number, millimetres if it is at least the
 #: second: faces are recorded from 0.2 to 20 m. A median between them would be centimetres.
@@ -75,8 +75,6 @@ _LEAST_VALUES = 32
 _DEEPEST_MM, _DEEP_SHARE, _STRETCHED_SHARE = 20_000, 0.2, 0.05
 #: A depth difference of this share of the median is a jump; least share of jumps in rows. Chosen.
 _JUMP_SHARE, _LEAST_JUMPS = 0.05, 0.002
-#: Pixels of exactly 1 with this share of all pixels are a background. Chosen, not measured.
-_BACKGROUND = 0.02
 #: Largest header of a PGM or PFM file, bytes. Chosen.
 _HEADER_BYTES: Final = 1 << 16
 #: Suffixes of files that may hold several maps.
@@ -295,13 +293,12 @@ def refuse_negative(image: NDArray[Any], where: Path) -> None:
 
 
 def doubt_of_floats(image: NDArray[Any]) -> str:
-    """Return a remark if floats may be a depth buffer: they end at exactly 1, the background."""
+    """Return a remark if floats may be scaled, or a depth buffer: they end at exactly 1."""
     # fmin and fmax say nothing if all values are NaN, unlike nanmin and nanmax.
-    if image.dtype.kind != "f" or (image == 1).mean() <= _BACKGROUND:
+    if image.dtype.kind != "f" or np.fmin.reduce(image, None) < 0:
         return ""
-    ends = np.fmin.reduce(image, None) >= 0 and np.fmax.reduce(image, None) == 1
-    remark = "its floats end at exactly 1: they are taken for metres; convert an OpenGL buffer"
-    return remark if ends else ""
+    remark = "its floats end at exactly 1: they are taken for metres; convert scaled depth"
+    return remark if np.fmax.reduce(image, None) == 1 else ""
 
 
 def depth_in_mm(

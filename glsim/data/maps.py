@@ -45,7 +45,7 @@ from glsim.data.recordings.folders import (
     unread_cameras,
     whole_recording,
 )
-from glsim.data.recordings.names import DepthKind, infrared_files
+from glsim.data.recordings.names import DepthKind, infrared_files, left_out_text, other_kind
 from glsim.data.recordings.streams import STREAMS, FrameStream, parts_of
 
 #: Suffix of a packed file -> advice how to unpack it.
@@ -214,6 +214,9 @@ class _FileList:
             named = [(file, Path(file.name)) for file in map(Path, names) if file.is_file()]
             if not named:
                 raise NoDepthError(f"{text}: no such file or folder")
+            others = Counter(filter(None, (other_kind(f.name, self._kind) for f, _ in named)))
+            if others:
+                self.notes += (f"taken for depth as named: {left_out_text(others)}",)
         self._named += named
 
     def find_cameras(self, given: Sequence[Path], crops: bool) -> None:
@@ -269,7 +272,7 @@ class _FileList:
                 check_size(camera, shape, self.stated_by or self.files[0])
             elif own is not None and (own.height, own.width) != shape:
                 camera = replace(camera, intrinsics=None)
-                self.notes = (
+                self.notes += (
                     f"{self.stated_by} says {own.width}x{own.height}, but the maps are "
                     f"{shape[1]}x{shape[0]}: its focal_px and centre_px are not used",
                 )

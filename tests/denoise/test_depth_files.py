@@ -32,10 +32,11 @@ def test_a_png_states_its_step_and_is_a_plain_png_to_others(tmp_path: Path) -> N
     np.testing.assert_array_equal(read_image(plain), read_image(stated))
     assert open_maps([stated]).step_mm == open_maps([stated], unit_mm=0.1).step_mm == 0.1
     assert open_maps([plain]).step_mm == 1.0
-    assert "nothing states a unit" in open_maps([plain]).notes[0]
+    assert "taken for mm, which puts the middle at 9" in open_maps([plain]).notes[0]
     for given, words in ((1.0, r"b\.png states steps of 0\.1 mm"), (None, "some state none")):
         with pytest.raises(ConfigError, match=words):
             open_maps([stated] if given else [plain, stated], unit_mm=given)
+    assert "as named: 1 *_ir.png" in open_maps(plain.rename(tmp_path / "a_ir.png")).notes[0]
     np.testing.assert_allclose(read_map_mm(stated, 0.1), DEPTH_MM, atol=0.051)
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from glsim.core.array_types import Floats
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.png import LAYER_KEYWORD, stated_text, stated_unit_mm
+from glsim.core.units import MM_PER_M
 from glsim.data.map_files import (
     TAKEN_FOR_MM,
     along_ray,
@@ -200,7 +201,9 @@ class MapFiles:
             refuse_negative(image, where)
             if unknown and image.dtype.kind == "u":
                 refuse_no_steps(image, where)
-                self.notes = (TAKEN_FOR_MM,)
+                some = image.ravel()[:: image.size // _VALUES + 1].astype(np.float64)
+                middle = float(np.median(some[some > 0])) if some.any() else 0.0
+                self.notes = (TAKEN_FOR_MM.format(middle / MM_PER_M),)
             elif doubt := doubt_of_floats(image):
                 self.notes = (doubt,)
         thinned = [image.ravel()[:: image.size // _VALUES + 1] for image in own.values()]
