@@ -38,21 +38,23 @@ WRITABLE = (*LAYERS, "regions", "expected", "normals", "infrared_right", "color"
 def refuse_millimetres(depth: Reals, near_m: float, far_m: float) -> None:
     """Raise ConfigError if depths that should be metres look like millimetres.
 
-    Metres of this size would be beyond the sensor's far plane, and the result would be empty. A map
-    with one distance only is warned of: simulators put an empty background at their far plane.
+    Metres of this size would be beyond the sensor's far plane, and the result would be empty. Other
+    maps without any depth between the planes are warned of, also those of one distance: simulators
+    put an empty background at their far plane.
     """
     seen = depth[(depth > 0) & (depth < np.inf)]
     nearest, farthest = float(seen.min(initial=np.inf)), float(seen.max(initial=0))
-    if not max(far_m, MM_PER_M * near_m) <= nearest <= MM_PER_M * far_m or nearest == far_m:
+    if not seen.size or (nearest <= far_m and farthest >= near_m):
         return
-    if nearest == farthest:
-        far = f"all depth is {nearest:g} m, beyond the sensor: if mm, give depth / 1000"
-        warnings.warn(far, stacklevel=3)
-    elif float(np.median(seen)) <= MM_PER_M * far_m:
+    span = f"{nearest:g}" if nearest == farthest else f"{nearest:g} to {farthest:g}"
+    in_mm = MM_PER_M * near_m <= nearest and float(np.median(seen)) <= MM_PER_M * far_m
+    if in_mm and nearest < farthest:
         raise ConfigError(
-            f"depth is {nearest:g} to {farthest:g}: this is millimetres, and metres are wanted: "
-            "give depth / 1000"
+            f"depth is {span}: this is millimetres, and metres are wanted: give depth / 1000"
         )
+    how = "of millimetres give depth / 1000" if nearest > far_m else "give metres"
+    text = f"all depth is {span} m, the sensor sees {near_m:g} to {far_m:g} m: {how}"
+    warnings.warn(text, stacklevel=3)
 
 
 def encode_normals(normals: Reals, seen: Mask) -> NDArray[np.uint16]:

@@ -227,8 +227,10 @@ def test_float_millimetres_are_refused_and_empty_maps_are_not() -> None:
             with pytest.raises(ConfigError, match=r"this is millimetres, .* give depth / 1000"):
                 corrupt(given, frame=0)
         far = np.full((72, 96), 1000.0, np.float32)  # a simulator's far plane, 1 km
-        with pytest.warns(UserWarning, match="all depth is 1000 m, beyond the sensor: if mm"):
+        with pytest.warns(UserWarning, match="all depth is 1000 m, .* give depth / 1000"):
             assert not corrupt(far, frame=0).any()
+        with pytest.warns(UserWarning, match=r"all depth is 0.001 m, .*: give metres"):
+            assert not corrupt(far / np.float32(1e6), frame=0).any()
         half = far.copy()
         half[:20] = 0.9
         assert corrupt(half, frame=0)[:20].any()
@@ -236,4 +238,5 @@ def test_float_millimetres_are_refused_and_empty_maps_are_not() -> None:
         assert not corrupt(nothing, frame=0).any()
         hills = np.linspace(40, 90, 72 * 96, dtype=np.float32).reshape(72, 96)
         # Metres: 40 mm would be nearer than any sensor sees.
-        assert not corrupt(hills, frame=0).any()
+        with pytest.warns(UserWarning, match="all depth is 40 to 90 m, the sensor sees"):
+            assert not corrupt(hills, frame=0).any()
