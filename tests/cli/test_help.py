@@ -20,7 +20,7 @@ PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
 def examples(text: str) -> list[list[str]]:
     """Return the words that ``glsim`` gets of each example line."""
     lines = re.findall(r"^(?:\w+=\S+ )?glsim (\w.*)$", text.replace("\\\n", ""), re.MULTILINE)
-    return [shlex.split(re.split(r"\s{2,}(?!-)| > | \| | && ", line)[0], True) for line in lines]
+    return [shlex.split(re.split(r" > | \| | && ", line)[0], True) for line in lines]
 
 
 HELP = examples("\n".join(command.epilog or "" for command in COMMANDS.values()))
