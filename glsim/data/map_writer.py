@@ -167,6 +167,7 @@ def _targets(
     """Return the file of each output; if two names are equal, all outputs keep their folders."""
     outputs, sources = recording.outputs, recording.sources
     lone = len(outputs) == 1 and not out.is_dir() and not Path(inputs[0]).is_dir()
+    lone = lone and bool(Path(inputs[0]).is_file() or out.suffix)  # else a pattern: a folder
     if lone and (sources[0].suffix.lower() in SUFFIXES or out.suffix):
         _check_name(out, form)
         targets = [out]

@@ -180,7 +180,7 @@ def test_a_scene_without_smooth_surfaces_is_refused(tmp_path: Path) -> None:
     noise[:, ::7] = 0
     noise[:, :, ::7] = 0
     recording = read(write_frames(tmp_path / "mess", noise))
-    with pytest.raises(DatasetError, match="belong to smooth surfaces"):
+    with pytest.raises(DatasetError, match="0 pixels on smooth surfaces"):
         measure_recording(recording)
 
 
