@@ -142,12 +142,9 @@ def one_line(said: str, words: list[str]) -> str:
     ("line", "status"), [*((line, 2) for line in USAGE), *((line, 1) for line in FILES)]
 )
 def test_a_mistake_is_one_line_and_writes_nothing(
-    folder: Path,
-    line: str,
-    status: int,
-    monkeypatch: pytest.MonkeyPatch,
+    folder: Path, line: str, status: int, monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
-) -> None:
+) -> None:  # fmt: skip
     monkeypatch.chdir(folder)
     monkeypatch.setenv("GLSIM_CACHE", str(folder / "cache"))
     before = listing(folder)

@@ -219,13 +219,9 @@ def test_without_pytorch_it_says_what_to_install(
     ],
 )
 def test_bad_input_is_one_line(
-    data: Path,
-    here: Path,
-    capsys: pytest.CaptureFixture[str],
-    arguments: tuple[str, ...],
-    status: int,
-    problem: str,
-) -> None:
+    data: Path, here: Path, capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...],
+    status: int, problem: str,
+) -> None:  # fmt: skip
     if "16-mixed" in " ".join(arguments) and torch.cuda.is_available():
         pytest.skip("there is one")
     given = [str(data) if word == "DATA" else word for word in arguments]
