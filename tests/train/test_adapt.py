@@ -11,28 +11,29 @@ from glsim.core.array_types import Depth
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import DepthFrame, FrameKey
 from glsim.core.errors import TrainError
+from glsim.denoise.registry import load_denoiser
 from glsim.train.adapt import MeasuredNoise, adapt
 
 CAMERA = Intrinsics(width=128, height=128, fx=365.0, fy=365.0, cx=64.0, cy=64.0)
 
 
-def recording(views: int, size_mm: float = 1.2, width_px: float = 0.9) -> list[DepthFrame]:
-    """Two still frames of each of several slanted, waved walls, with correlated noise."""
+def recording(views: int, count: int = 2, moved_px: float = 0.0) -> list[DepthFrame]:
+    """Frames of each of several slanted walls with waves that may move, and correlated noise."""
     rng, frames = np.random.default_rng(1), []
     rows, columns = np.mgrid[:128, :128]
     for view in range(views):
-        wall = 900 + 60 * view + (1 + view % 3) * columns + 2 * np.sin(rows / (4 + view))
-        for number in range(2):
-            noise = cv2.GaussianBlur(rng.standard_normal(wall.shape), (0, 0), width_px)
-            depth: Depth = (wall + size_mm * noise / noise.std()).astype(np.float32)
+        for number in range(count):
+            waves = 2 * np.sin((rows + moved_px * number) / (4 + view))
+            wall = 900 + 60 * view + (1 + view % 3) * columns + waves
+            noise = cv2.GaussianBlur(rng.standard_normal(wall.shape), (0, 0), 0.9)
+            depth: Depth = (wall + 1.2 * noise / noise.std()).astype(np.float32)
             key = FrameKey("wall", view, number)
             frames.append(DepthFrame(key, CAMERA, {"noisy_mm": depth}, step_mm=0.1))
     return frames
 
 
 def test_drawn_noise_has_the_size_and_correlation_of_the_measured() -> None:
-    frames = recording(3)
-    noise = MeasuredNoise(frames, [(0, 1), (2, 3), (4, 5)])
+    noise = MeasuredNoise(recording(3), [(0, 1), (2, 3), (4, 5)])
     rng = np.random.default_rng(2)
     drawn = np.stack([noise.draw(np.full((64, 64), 1000, np.float32), rng) for _ in range(60)])
     assert drawn.std() == pytest.approx(1.2, rel=0.05)
@@ -44,6 +45,8 @@ def test_drawn_noise_has_the_size_and_correlation_of_the_measured() -> None:
 def test_frames_without_two_still_pairs_are_refused(tmp_path: Path) -> None:
     with pytest.raises(TrainError, match=r"2 of the 2 frames .* and 4 are needed"):
         adapt(recording(1), tmp_path / "mine.onnx", "face", 25)
+    with pytest.raises(TrainError, match=r"grow 1\.[2-6]\d times .* the scene moves slowly"):
+        adapt(recording(1, 6, 2.0), tmp_path / "mine.onnx", "face", 25)
     assert not (tmp_path / "mine.onnx").exists()
 
 
@@ -60,7 +63,4 @@ def test_the_held_back_pair_comes_nearer_and_the_network_is_read_again(tmp_path:
     again = adapt(recording(5), tmp_path / "again.onnx", "face", 50, seed=3)
     assert again == done
     assert (tmp_path / "again.onnx").read_bytes() == out.read_bytes()
-    from glsim import load_denoiser
-
-    frame = recording(5)[0].measured_mm
-    assert load_denoiser(str(out))(frame).valid.mean() > 0.95
+    assert load_denoiser(str(out))(recording(5)[0].measured_mm).valid.mean() > 0.95
