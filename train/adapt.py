@@ -220,8 +220,9 @@ def _growth(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> f
     ratios = [1.0]
     for a, b in pairs:
         if b + 1 < len(frames) and not view_change(frames[b], frames[b + 1], parts=False):
-            one, two = (np.nanmean(still_difference(frames[a], frames[n]) ** 2) for n in (b, b + 1))
-            ratios.append(float(two / max(one, 1e-9)))
+            changes_mm = (still_difference(frames[a], frames[n]) for n in (b, b + 1))
+            one, two = (float(np.nanmean(change_mm**2)) for change_mm in changes_mm)
+            ratios.append(two / max(one, 1e-9))
     return float(np.median(ratios[1:] or ratios))
 
 
