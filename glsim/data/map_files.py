@@ -73,8 +73,10 @@ _LEAST_VALUES = 32
 #: first number, mm: the second number is their share, the third their share in maps that reach
 #: 65535, as stretched maps do. Wrong matches of a real D435 have a share of 0.026.
 _DEEPEST_MM, _DEEP_SHARE, _STRETCHED_SHARE = 20_000, 0.2, 0.05
-#: A depth difference of this share of the median is a jump; least share of jumps in rows. Chosen.
-_JUMP_SHARE, _LEAST_JUMPS = 0.05, 0.002
+#: A depth difference of this share of the median is a jump. Chosen. The last axis is time if its
+#: oddness (``_frames_are_last``) is above that of the others by the second number: at most 0.7 for
+#: 62 stacks of seven real and three simulated recordings, 1.6 to 14 for moving ones turned.
+_JUMP_SHARE, _ODDER = 0.05, 1.2
 #: Largest header of a PGM or PFM file, bytes. Chosen.
 _HEADER_BYTES: Final = 1 << 16
 #: Suffixes of files that may hold several maps.
@@ -140,22 +142,31 @@ def open_stack(path: Path) -> NDArray[Any]:
     stack = _checked(stack if stack.ndim == 3 else stack[None], path, 3)
     if len(stack) > 1 and _frames_are_last(stack):
         raise DatasetError(
-            f"{path}: is {stack.shape}, whose last axis changes like time: a stack is (frames, "
-            "rows, columns): save np.moveaxis(array, -1, 0)"
+            f"{path}: is {stack.shape}, whose last axis is time: a stack is (frames, rows, "
+            "columns): save np.moveaxis(array, -1, 0)"
         )
     return stack
 
 
 def _frames_are_last(stack: NDArray[Any]) -> bool:
-    """Return whether a stack's last axis is time, along which far fewer pixels jump than by row."""
-    jumps = []
-    for axis in (0, 2):
+    """Return whether a stack's last axis is time, by its length and by where depth jumps.
+
+    Along time far more pixels jump than along rows and columns if the scene moves, far fewer if it
+    is still; rows and columns are alike.
+    """
+    if 4 * stack.shape[2] <= min(stack.shape[:2]):
+        return True
+    rates = []
+    for axis in range(3):
         part = stack[tuple(slice(None) if n == axis else slice(None, None, 2) for n in range(3))]
         with np.errstate(all="ignore"):  # NaN, infinity and 1e300 are no depth
             change = np.abs(np.diff(part.astype(np.float32), axis=axis))
             middle = float(np.median(part[part > 0])) if (part > 0).any() else 0.0
-            jumps.append(float((change > _JUMP_SHARE * middle).mean()))
-    return jumps[0] > _LEAST_JUMPS and jumps[1] < jumps[0] / 4
+            rates.append(((change > _JUMP_SHARE * middle).sum() + 0.5) / max(change.size, 1))
+    logs = np.log(rates)
+    others = [np.delete(logs, axis) for axis in range(3)]
+    odd = [abs(logs[k] - other.mean()) - np.ptp(other) for k, other in enumerate(others)]
+    return bool(odd[2] > max(odd[:2]) + _ODDER)
 
 
 def _read_npz(path: Path) -> NDArray[Any]:

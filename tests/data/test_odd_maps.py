@@ -305,13 +305,22 @@ LONG = np.arange(32 * 40, dtype=np.uint16).reshape(32, 40)
         ((65535 - LONG * 51).astype(np.uint16), "% of its values are above 20000"),
         (-METRES, "most of its depths are negative"),
         (np.moveaxis(np.stack([METRES] * 16) + np.arange(16)[:, None, None] * 1e-4, 0, 2),
-         r"is \(32, 40, 16\), whose last axis changes like time"),
+         r"is \(32, 40, 16\), whose last axis is time"),
         (UNITS.astype(np.int32) - 700, "whole numbers from -100 to 100"),
     ],
 )  # fmt: skip
 def test_what_is_no_depth_says_so(tmp_path: Path, values: NDArray[Any], problem: str) -> None:
     np.save(tmp_path / "a.npy", values)
     with pytest.raises(DatasetError, match=problem):
+        open_maps(tmp_path / "a.npy")
+
+
+def test_the_axis_of_time_is_told_by_a_moving_scene_too(tmp_path: Path) -> None:
+    moving = np.stack([np.roll(METRES, 9 * k, 1) + 0.1 * k for k in range(30)])
+    np.save(tmp_path / "a.npy", moving)
+    assert open_maps(tmp_path / "a.npy").frames[0].noisy_mm.shape == METRES.shape
+    np.save(tmp_path / "a.npy", np.moveaxis(moving, 0, 2))
+    with pytest.raises(DatasetError, match="whose last axis is time"):
         open_maps(tmp_path / "a.npy")
 
 
