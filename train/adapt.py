@@ -123,8 +123,8 @@ def adapt(
     pairs = _still_pairs(frames)
     if len(pairs) < 2:
         raise TrainError(
-            f"{2 * len(pairs)} of the {len(frames)} frames show a still view in pairs, and 4 are "
-            "needed: record with camera and scene at rest, and then what you like"
+            f"{2 * len(pairs)} of the {len(frames)} frames follow each other in still pairs, and 4 "
+            "are needed: record with camera and scene at rest, and then what you like"
         )
     if (growth := _growth(frames, pairs)) > _MOST_GROWTH:
         raise TrainError(

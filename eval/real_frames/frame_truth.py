@@ -25,7 +25,7 @@ from glsim.measures.measured_frame import surface_mm, surfaces
 from glsim.measures.silhouettes import STEP_MM, find_edges
 
 #: Bounds of the distance bins of all tables, m. The values were chosen, not measured.
-BINS_M: Final = (0.5, 0.65, 0.9, 1.2, 1.5, 2.6, 4.4)
+BINS_M: Final = (0.05, 0.15, 0.3, 0.5, 0.65, 0.9, 1.2, 1.5, 2.6, 4.4)
 _BINS: Final = len(BINS_M) - 1
 #: The shift is reported in bins of distance that start at 0 m: width of a bin, mm; number of bins.
 SHIFT_BIN_MM: Final = 100

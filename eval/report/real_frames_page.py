@@ -42,7 +42,7 @@ def real_frames_document(scores: RealScores, remarks: Sequence[str] = ()) -> Doc
     if scores.static_frames:
         page.parts += [
             Heading("Static pairs, RMSE [mm]"),
-            _TEXTS["static"].format(pixels=", ".join(map(str, scores.pixels)), units=units),
+            _TEXTS["static"].format(bins=BINS_M, pixels=str(scores.pixels)[1:-1], units=units),
             _table(scores, distances, lambda m: m.pair_rmse_mm, lambda m: m.pair_change),
         ]
     page.parts += [

@@ -171,7 +171,8 @@ class Denoiser:
     ) -> Depth:
         """Check a user's depth map; return a calibrated float32 copy (cameras reuse buffers)."""
         kind = getattr(depth_mm, "dtype", type(depth_mm).__name__)
-        if not isinstance(kind, np.dtype) or depth_mm.ndim != 2 or kind.kind not in "fiu":
+        usable = isinstance(kind, np.dtype) and depth_mm.ndim == 2 and depth_mm.size > 0
+        if not usable or kind.kind not in "fiu":
             raise ConfigError(
                 f"{self.label}: give depth of shape (H, W) in millimetres, float or integer, not "
                 f"{getattr(depth_mm, 'shape', 'a')} {kind}"
@@ -185,7 +186,8 @@ class Denoiser:
                 f"{valid.min():.0f} mm: subtract the difference (glsim denoise --protocol paper "
                 "does), or train a network with --protocol depth"
             )
-        if valid.size and depth_mm.dtype.kind == "f" and valid.max() < METRES_MM:
+        floats = valid.size and depth_mm.dtype.kind == "f"
+        if floats and np.quantile(valid, 0.9) < METRES_MM:  # a few wrong matches lie farther
             raise ConfigError(f"{self.label}: depth in metres? give millimetres (depth * 1000)")
         self._check_infrared(infrared, depth_mm.shape)
         frame = np.array(depth_mm, np.float32)

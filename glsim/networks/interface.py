@@ -10,7 +10,7 @@ from glsim.core.depth_protocol import DepthProtocol
 
 #: Smallest depth that a depth camera measures, mm. Maps with smaller depths are in another unit.
 MIN_MEASURED_MM: Final = 50.0
-#: A map whose median, or largest float, is below this is in metres, not mm.
+#: A map is in metres, not mm, if its median, or 90 % of its floats, are below this.
 METRES_MM: Final = 10.0
 #: Smallest depth that counts as depth, mm; smaller values become 0 in a 16-bit file in mm.
 MIN_DEPTH_MM: Final = 0.5

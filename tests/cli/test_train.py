@@ -17,6 +17,7 @@ from glsim.core.errors import pip_install
 from glsim.core.files.png import read_image
 from glsim.denoise.inference import load_network
 from glsim.networks import checkpoint
+from tests.cli.test_cli import fails
 from tests.support.imports import loaded_after
 
 TINY = """
@@ -57,14 +58,6 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def here(here: Path) -> Path:
     (here / "tiny.toml").write_text(TINY)
     return here
-
-
-def fails(capsys: pytest.CaptureFixture[str], status: int, *arguments: str) -> str:
-    assert main(["train", *arguments]) == status
-    lines = [line for line in capsys.readouterr().err.splitlines() if "error" in line.lower()]
-    assert len(lines) == 1, lines
-    assert "Traceback" not in lines[0]
-    return lines[0]
 
 
 def test_the_first_lines_come_before_the_first_validation(
@@ -152,8 +145,8 @@ def test_ctrl_c_is_kept_and_resumed(
         assert main([*command, "-o", "parts"]) == 1
     assert "--data, -o and --resume" in " ".join(capsys.readouterr().err.split())
     assert json.loads((here / "parts" / "run.json").read_text())["state"] == "interrupted"
-    assert "--resume" in fails(capsys, 1, *command[1:], "-o", "parts")
-    other = (*command[1:4], "-o", "parts", "--resume", "--set", "loss.beta_mm=3.0")
+    assert "--resume" in fails(capsys, 1, *command, "-o", "parts")
+    other = (*command[:4], "-o", "parts", "--resume", "--set", "loss.beta_mm=3.0")
     assert "loss.beta_mm is 2.0, not 3.0" in fails(capsys, 1, *other)
     assert main(["train", *command[2:4], "-o", "parts", "--resume"]) == 0  # the folder's recipe
     assert "parts: goes on with loss.beta_mm=2.0" in capsys.readouterr().err
@@ -198,7 +191,7 @@ def test_without_pytorch_it_says_what_to_install(
     data: Path, here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("glsim.core.errors.find_spec", lambda name: None)
-    line = fails(capsys, 2, "tiny.toml", "--data", str(data))
+    line = fails(capsys, 2, "train", "tiny.toml", "--data", str(data))
     assert pip_install("train") in line
     assert "--index-url https://download.pytorch.org/whl/cpu" in line
 
@@ -225,4 +218,4 @@ def test_bad_input_is_one_line(
     if "16-mixed" in " ".join(arguments) and torch.cuda.is_available():
         pytest.skip("there is one")
     given = [str(data) if word == "DATA" else word for word in arguments]
-    assert problem in fails(capsys, status, *given)
+    assert problem in fails(capsys, status, "train", *given)

@@ -79,6 +79,8 @@ def test_a_probability_becomes_a_mask_by_a_composite(
         (np.full_like(NOISY, np.nan), "finite"),
         (-NOISY, "at least 0"),
         ("a.png", r"shape \(H, W\) .* not a str"),
+        (NOISY[:0], r"not \(0, "),
+        (np.where(NOISY.max() == NOISY, 11, NOISY / 1000.0), r"in metres\?"),
     ],
 )
 def test_what_is_no_depth_map_is_refused(depth: Any, words: str) -> None:
