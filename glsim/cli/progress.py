@@ -86,7 +86,8 @@ def print_summary(summary: GenerateSummary, out: Path | str) -> None:
             f"{summary.bytes / 1e6:.1f} MB"
         )
     for why, count in sorted(summary.skipped.items(), key=lambda item: -item[1])[:10]:
-        console.print(as_typed(f"skipped {count}: {why}"), style="yellow", soft_wrap=True)
+        alone = "; source.overrides sets it for one mesh" if total and "source.unit" in why else ""
+        console.print(as_typed(f"skipped {count}: {why}{alone}"), style="yellow", soft_wrap=True)
     for note in summary.notes:
         print_message(note)
     if not total:

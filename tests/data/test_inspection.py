@@ -134,5 +134,5 @@ def test_a_recording_names_its_camera_and_denoiser(
     assert main(["inspect", "frames"]) == 0
     printed = capsys.readouterr().out
     assert (f"like {sensor}" if sensor else "not recognised") in printed
-    assert "glsim denoise frames -o denoised -d face\n" in printed, "maps without noise"
+    assert f"glsim denoise frames -o denoised -d face{'-stereo' * lattice}\n" in printed
     assert [path.name for path in here.iterdir()] == ["frames"], "a picture only with -o"

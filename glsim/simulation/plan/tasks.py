@@ -254,7 +254,8 @@ def image_counts(sources: Sequence[SourceSettings], available: Sequence[int]) ->
         name = f"source {number} ({source.kind})"
         if source.count is not None and source.count > images:
             raise ConfigError(
-                f"{name}: count = {source.count}, but it has {counted(images, 'image')}"
+                f"{name}: count = {source.count}, but it has {counted(images, 'image')}: lower "
+                "count, or raise frames_per_subject"
             )
         if weighted and source.weight is None and source.count is None:
             raise ConfigError(f"{name}: give it a weight or a count, as other sources have")
