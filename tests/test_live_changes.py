@@ -41,7 +41,6 @@ def only(simulator: Simulator, tasks: Sequence[Task]) -> Frame:
 
 
 def fresh(settings: Settings, sources: Sequence[OneMesh], context: Context) -> Frame:
-    """The frame of a new simulator."""
     return only_frame(simulate(settings, sources=sources, context=context))
 
 

@@ -63,7 +63,6 @@ def here(here: Path) -> Path:
 def test_the_first_lines_come_before_the_first_validation(
     here: Path, data: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Without a terminal, too: a log file shows that something happens."""
     assert main(["train", "tiny.toml", "--data", str(data), "-o", "run"]) == 0
     said = capsys.readouterr().err
     assert said.startswith("tiny: trains in run; loading PyTorch and the data\n")
