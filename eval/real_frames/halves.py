@@ -30,6 +30,8 @@ class Source:
     path: Path
     focal_px: float | None = None
     pattern: tuple[int, int] = PATTERN
+    unit_mm: float | None = None
+    topic: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +97,7 @@ class SplitRecording:
 
 def split_recording(source: Source) -> SplitRecording:
     """Read a recording and find its static scenes. Raises the errors of ``open_maps``."""
-    recording = open_maps(source.path)
+    recording = open_maps(source.path, unit_mm=source.unit_mm, topic=source.topic)
     frames = recording.read(DEFAULT_FRAMES, source.focal_px)
     partner: dict[int, int] = {}
     scene: dict[int, int] = {}

@@ -18,6 +18,7 @@ def adapt(
     steps: Annotated[int, typer.Option(min=25, max=10_000)] = 200,
     seed: int = 0,
     depth_unit_mm: float | None = None,
+    topic: str | None = None,
 ) -> None:
     """Adapt a shipped network to your camera by its noisy frames alone, without clean depth.
 
@@ -31,7 +32,6 @@ def adapt(
         denoiser: The shipped network to begin with. Default: that which denoise takes.
         steps: Steps of 8 crops of 64 px.
         seed: Random seed.
-        depth_unit_mm: Step of the depth files, mm. Default: what they state, else 1.
     """
     from glsim.data.maps import open_maps
     from glsim.denoise.network_choice import choose_network
@@ -45,7 +45,7 @@ def adapt(
         raise ConfigError(f"-o {out}: the name must end in {ONNX_SUFFIX}")
     check_outputs(out)
     again = replaced(out)
-    frames = open_maps(recording, unit_mm=depth_unit_mm)
+    frames = open_maps(recording, unit_mm=depth_unit_mm, topic=topic)
     if sentence := frames.sentence(camera=False, real=True):
         print_message(sentence)
     network = denoiser or choose_network(frames)[0]

@@ -89,6 +89,13 @@ def _set_messages(
         logging.basicConfig(level=level, format="%(message)s", handlers=[handler])
 
 
+#: Examples by command; help of options that several commands share, by the name of the parameter.
+_EXAMPLES, _SHARED = (
+    tomllib.loads(Path(__file__).with_name(name).read_text(encoding="utf-8"))
+    for name in ("examples.toml", "options.toml")
+)
+
+
 def _documented(parameter: inspect.Parameter, help: str) -> inspect.Parameter:
     """Add help text to a parameter of a command; a parameter without default is an argument."""
     annotation, info = parameter.annotation, None
@@ -98,7 +105,7 @@ def _documented(parameter: inspect.Parameter, help: str) -> inspect.Parameter:
         required = parameter.default is inspect.Parameter.empty
         info = typer.Argument() if required else typer.Option()
     info = copy(info)
-    info.help = help
+    info.help = info.help or help
     return parameter.replace(annotation=Annotated[annotation, info])
 
 
@@ -114,7 +121,7 @@ def with_messages(command: Callable[..., int | None]) -> Callable[..., int | Non
 
     wrapped.__doc__, _, section = (inspect.getdoc(command) or "").partition("\n\nArgs:\n")
     helps = re.findall(r"^ {4}(\w+): (.+(?:\n {8}.+)*)", section, re.MULTILINE)
-    texts = {name: " ".join(text.split()) for name, text in helps}
+    texts = _SHARED | {name: " ".join(text.split()) for name, text in helps}
     # Typer reads a command's options from its signature.
     parameters = [
         _documented(each, texts[each.name]) if each.name in texts else each
@@ -148,14 +155,10 @@ PRESETS = _names("glsim.settings.presets", "preset_names")
 RECIPES = _names("glsim.train.recipe", "recipe_names")
 
 
-_EXAMPLES = Path(__file__).with_name("examples.toml")
-
-
 def epilog(command: str) -> str:
     """Format the end of a command's help: examples, and options of all commands."""
-    examples = tomllib.loads(_EXAMPLES.read_text(encoding="utf-8"))[command]
     shared = "All commands take -q (errors only), -v (decisions), --debug (tracebacks)."
-    return f"\b\nExamples:\n{examples.strip()}\n\n{shared}"
+    return f"\b\nExamples:\n{_EXAMPLES[command].strip()}\n\n{shared}"
 
 
 SensorOption = Annotated[
@@ -182,12 +185,6 @@ RotationOption = Annotated[
         "Default: found if the axes are.",
     ),
 ]
-SeedOption = Annotated[
-    int | None, typer.Option(help="Random seed; the same seed gives the same bytes. Default: 0.")
-]
-ConfigOption = Annotated[
-    Path | None, typer.Option("--config", help="Read settings from a TOML file. Default: none.")
-]
 PresetOption = Annotated[
     str | None,
     typer.Option(
@@ -195,23 +192,7 @@ PresetOption = Annotated[
         help="Start from shipped settings (glsim presets). Default: none.",
     ),
 ]  # fmt: skip
-WorkersOption = Annotated[
-    str, typer.Option(help="Number of worker processes; auto starts one per core.")
-]
-BackendOption = Annotated[
-    str | None,
-    typer.Option(
-        help="OpenGL back end: egl or osmesa. Default: GLSIM_BACKEND, else the first that works."
-    ),
-]
 
-CalibratedDeviceOption = Annotated[
-    Path | None,
-    typer.Option(
-        help="Sensor file of glsim fit: the device's fixed pattern and wiggling are subtracted "
-        "before denoising. Default: none."
-    ),
-]
 #: Exit status that Typer returns for Ctrl-C.
 _INTERRUPTED = 130
 #: Command -> what stands before unit=... and axes=... of ``glsim.load_mesh`` when they are typed.

@@ -60,10 +60,8 @@ def compare(
         smooth_px: Standard deviation of the widest smoothing that removes the noise of REAL before
             a replay, pixels. Default: 2 times the distance at which the correlation of its noise
             is 0.5. What exceeds the noise, such as noses, stays.
-        depth_unit_mm: Step of integer depth files, mm. Default: the stated step, or 1.
         focal_px: Focal length of both sets, pixels. Default: the stated one, or that of the sensor
             of --replay, or a Kinect V2's.
-        topic: Topic of the depth images in bags. Default: native images named depth.
     """
     from glsim.bench.compare.comparison import compare_sets
     from glsim.bench.compare.replay import compare_replay

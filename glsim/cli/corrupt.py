@@ -11,16 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from glsim.cli.common import (
-    ConfigOption,
-    SeedOption,
-    SensorOption,
-    SetOption,
-    console,
-    overrides,
-    print_message,
-    two_numbers,
-)
+from glsim.cli.common import SensorOption, SetOption, console, overrides, print_message, two_numbers
 from glsim.core.errors import ConfigError, DatasetError, counted
 
 if TYPE_CHECKING:
@@ -36,11 +27,12 @@ def corrupt(
     out: Annotated[Path, typer.Option("-o", "--out")],
     sensor: SensorOption = None,
     assignments: SetOption = None,
-    seed: SeedOption = None,
+    seed: int | None = None,
     depth_unit_mm: Annotated[float | None, typer.Option(min=0.01, max=10)] = None,
+    topic: str | None = None,
     focal_px: str | None = None,
     centre_px: str | None = None,
-    config: ConfigOption = None,
+    config: Path | None = None,
     backend: Literal["egl", "osmesa", "numpy"] | None = None,
     channel: str | None = None,
     along_ray: Annotated[bool, typer.Option("--along-ray")] = False,
@@ -60,15 +52,11 @@ def corrupt(
         clean: A clean depth map (16-bit PNG or TIFF, .npy, .exr), or a folder of them.
         out: The noisy map, or a folder for them.
         assignments: Set a parameter of the noise, such as tof_floor.sigma_mm=2. Repeatable.
-        depth_unit_mm: Step of the depth files, mm. Default: what they state, else 1.
         focal_px: Focal length of the maps, pixels, one number or x,y. Default: as a camera.toml
             says, else the sensor's.
         centre_px: Principal point x,y of the maps, pixels. Default: as a camera.toml says, else
             the sensor's, or the centre.
         backend: egl, osmesa, or numpy, which needs no OpenGL. Default: the first that works.
-        channel: Channel of OpenEXR files. Default: the one whose name says depth.
-        along_ray: Depths are distances along the ray of each pixel; a camera.toml states the
-            intrinsics.
     """
     from glsim.data.map_writer import MapWriter
     from glsim.data.maps import open_maps
@@ -83,7 +71,13 @@ def corrupt(
     given_mm = settings.output.depth_unit_mm
     given = given_mm if given_mm != 1 else depth_unit_mm
     recording = open_maps(
-        clean, "clean", unit_mm=given, channel=channel, needs_camera=False, along_rays=along_ray
+        clean,
+        "clean",
+        unit_mm=given,
+        channel=channel,
+        needs_camera=False,
+        along_rays=along_ray,
+        topic=topic,
     )
     names = (p.with_stem(re.sub("_clean$", "_noisy", p.stem)) for p in recording.outputs)
     recording = replace(recording, outputs=tuple(names))

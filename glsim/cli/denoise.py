@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from glsim.cli.common import CalibratedDeviceOption, console, print_message
+from glsim.cli.common import console, print_message
 from glsim.core.errors import ConfigError, DatasetError, counted, did_you_mean
 
 if TYPE_CHECKING:
@@ -25,12 +25,13 @@ def denoise(
     *,
     out: Annotated[Path, typer.Option("-o", "--out")],
     denoiser: Annotated[str | None, typer.Option("-d", "--denoiser")] = None,
-    device: CalibratedDeviceOption = None,
+    device: Path | None = None,
     infrared: Path | None = None,
     uncertainty: Path | None = None,
     composite: str = "measured",
     around: str | None = None,
-    depth_unit_mm: Annotated[float | None, typer.Option(min=0.01, max=10)] = None,
+    depth_unit_mm: float | None = None,
+    topic: str | None = None,
     out_unit_mm: Annotated[float | None, typer.Option(min=0.01, max=10)] = None,
     form: Annotated[str | None, typer.Option("--format")] = None,
     protocol: str | None = None,
@@ -48,6 +49,8 @@ def denoise(
         out: The denoised map, or a folder for them.
         denoiser: A name of glsim eval --list, or a checkpoint. Default: the shipped network that
             fits the noise of the maps.
+        device: Sensor file of glsim fit: the device's fixed pattern and wiggling are subtracted
+            before denoising. Default: none.
         infrared: 16-bit infrared PNG, or a folder of them named as the maps, for functions that
             use it. Default: those beside the maps.
         uncertainty: PNG (or folder) for the standard deviation of each depth in steps of 0.01 mm,
@@ -55,16 +58,12 @@ def denoise(
         composite: Pixels that get depth: measured (the input's without unlikely ones, small holes
             closed), soft, hard or 'input mask'.
         around: face: denoise only around the nearest head. Default: everywhere.
-        depth_unit_mm: Step of the depth files, mm. Default: what they state, else 1.
         out_unit_mm: Step of the denoised maps, mm. Default for PNG: 0.1, or 0.2 if an input is
             deeper than 6.5 m, and 1 for a map beyond 13 m; for TIFF, that of the input.
         form: Format of the denoised maps: png or tiff (16 bits), npy, exr or tiff-float (metres).
             Default: by the suffix.
         protocol: Depth for the denoiser: depth (as measured) or paper (nearest point of each map at
             1 mm). Default: as the network was trained.
-        channel: Channel of OpenEXR files. Default: the one whose name says depth.
-        along_ray: Depths are distances along the ray of each pixel; a camera.toml states the
-            intrinsics.
     """
     from glsim.core.depth_protocol import check_protocol
     from glsim.data.map_files import FORMATS
@@ -78,7 +77,7 @@ def denoise(
         raise ConfigError(f"--format {form}: {did_you_mean(form, FORMATS)}")
     recording = open_maps(
         noisy, unit_mm=depth_unit_mm, channel=channel, infrared=infrared,
-        crops=device is not None, needs_camera=False, along_rays=along_ray,
+        crops=device is not None, needs_camera=False, along_rays=along_ray, topic=topic,
     )  # fmt: skip
     writer = MapWriter(
         recording, noisy, out, form,

@@ -13,17 +13,13 @@ from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
-from glsim.cli.common import WorkersOption, check_outputs, print_message, print_written
+from glsim.cli.common import check_outputs, print_message, print_written
 from glsim.cli.progress import frame_progress
 from glsim.core.errors import ConfigError, did_you_mean, pip_install
 
 if TYPE_CHECKING:
     from glsim.eval.scoring.blocks import ScoringJob
 
-DatasetArgument = Annotated[
-    Path,
-    typer.Argument(help="A data set (folder or URL), or a folder of *_clean.png and *_noisy.png."),
-]
 DenoisersOption = Annotated[
     list[str] | None,
     typer.Option(
@@ -34,25 +30,7 @@ DenoisersOption = Annotated[
         "Repeatable.",
     ),
 ]
-SplitOption = Annotated[str, typer.Option(help="Split to score: train, val or test.")]
 OutOption = Annotated[Path, typer.Option("-o", "--out", help="Folder for the results.")]
-ProtocolOption = Annotated[
-    str | None,
-    typer.Option(
-        help="Where depth is counted from: depth (as measured) or paper (the nearest point of "
-        "each frame at 1 mm). Default: as the files are stored."
-    ),
-]
-RunsOption = Annotated[
-    Path | None, typer.Option(help="Score the networks of glsim train in RUNS/*/. Default: none.")
-]
-FiguresOption = Annotated[bool, typer.Option(help="Draw figures and report.html.")]
-FocalOption = Annotated[
-    float | None,
-    typer.Option(
-        min=1, help="Focal length of plain depth files, pixels. Default: the Kinect V2's."
-    ),
-]
 
 
 def figures_wanted(asked: bool) -> bool:
@@ -83,17 +61,17 @@ def _print_list(asked: bool) -> None:
 
 
 def evaluate(
-    dataset: DatasetArgument,
+    dataset: Path,
     denoiser: DenoisersOption = None,
-    split: SplitOption = "test",
+    split: str = "test",
     out: OutOption = Path("scores"),
     truth: str = "clean",
-    protocol: ProtocolOption = None,
-    runs: RunsOption = None,
+    protocol: str | None = None,
+    runs: Path | None = None,
     tune_filters: Annotated[bool, typer.Option("--tune-filters")] = False,
-    figures: FiguresOption = True,
-    workers: WorkersOption = "auto",
-    focal_px: FocalOption = None,
+    figures: bool = True,
+    workers: str = "auto",
+    focal_px: Annotated[float | None, typer.Option(min=1)] = None,
     device: Path | None = None,
     _list_denoisers: Annotated[
         bool, typer.Option("--list", callback=_print_list, is_eager=True)

@@ -8,14 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from glsim.cli import eval as cli_eval
-from glsim.cli.common import (
-    JsonOption,
-    WorkersOption,
-    print_json,
-    print_message,
-    print_table,
-    print_written,
-)
+from glsim.cli.common import JsonOption, print_json, print_message, print_table, print_written
 from glsim.cli.progress import frame_progress
 from glsim.core.errors import ConfigError
 
@@ -29,9 +22,11 @@ def evaluate_real(
     out: cli_eval.OutOption = Path("scores"),
     tune_filters: Annotated[bool, typer.Option("--tune-filters")] = False,
     board: str = "5x7",
-    figures: cli_eval.FiguresOption = True,
-    workers: WorkersOption = "auto",
-    focal_px: cli_eval.FocalOption = None,
+    figures: bool = True,
+    workers: str = "auto",
+    focal_px: Annotated[float | None, typer.Option(min=1)] = None,
+    depth_unit_mm: float | None = None,
+    topic: str | None = None,
     as_json: JsonOption = False,
 ) -> None:
     """Score denoisers on frames of a camera, which have no clean truth.
@@ -40,7 +35,7 @@ def evaluate_real(
     Without --denoiser the shipped network is scored.
 
     Args:
-        recording: Folder of real frames.
+        recording: Frames of a real camera: a folder, a file, a bag, ...
         tune_filters: Add the classical filters, tuned on the static pairs of one half.
         board: Inner corners of the chessboard.
     """
@@ -50,7 +45,7 @@ def evaluate_real(
     from glsim.eval.report.real_frames_page import write_real_frames
     from glsim.eval.scoring.evaluate import check_owner
 
-    opened = split_recording(Source(recording, focal_px, pattern=_pattern(board)))
+    opened = split_recording(Source(recording, focal_px, _pattern(board), depth_unit_mm, topic))
     check_owner(out, str(recording.absolute()))
     specs = list(denoiser or ["face"])
     figures = cli_eval.figures_wanted(figures)

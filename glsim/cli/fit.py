@@ -55,12 +55,10 @@ def fit(
         out: The sensor file to write, a new one.
         focal_px: Focal length, pixels. Default: stated, or the base sensor's.
         albedo: Albedo of the scene relative to a white wall.
-        depth_unit_mm: Step of the depth files, mm. Default: the stated step, or 1.
         base: Base sensor: a Kinect V2, an Azure Kinect, or one that matches images. Default: by
             evidence in the frames.
         part: Frames to use: from A, counted from 0, to before B. Default: all.
         proof: Fit one half and test on the other. Needs the extra eval.
-        topic: Topic of the depth images in a bag. Default: native images named depth.
     """
     from dataclasses import replace
     from importlib.util import find_spec

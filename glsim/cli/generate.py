@@ -10,12 +10,9 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 import typer
 
 from glsim.cli.common import (
-    ConfigOption,
     PresetOption,
-    SeedOption,
     SensorOption,
     SetOption,
-    WorkersOption,
     make_console,
     overrides,
     print_message,
@@ -50,11 +47,11 @@ def generate(
     frames_per_subject: int | None = None,
     sensor: SensorOption = None,
     assignments: SetOption = None,
-    seed: SeedOption = None,
+    seed: int | None = None,
     preset: PresetOption = None,
     plan: Annotated[bool, typer.Option("--plan")] = False,
-    config: ConfigOption = None,
-    workers: WorkersOption = "auto",
+    config: Path | None = None,
+    workers: str = "auto",
     part: Annotated[str | None, typer.Option(metavar="I/N")] = None,
     ray: Annotated[str | None, typer.Option(metavar="ADDRESS")] = None,
 ) -> None:

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from glsim.cli.common import BackendOption, PlainCommand, WorkersOption, epilog, with_messages
+from glsim.cli.common import PlainCommand, epilog, with_messages
 
 
 class _KindFinder(TyperGroup):
@@ -45,15 +45,14 @@ def biwi(
     subjects: int | None = None,
     frames_per_subject: int | None = None,
     split: str | None = None,
-    workers: WorkersOption = "auto",
-    backend: BackendOption = None,
+    workers: str = "auto",
+    backend: str | None = None,
 ) -> None:
     """Write Biwi's real Kinect frames as noisy maps; the posed templates give the clean maps.
 
     Args:
         root: Folder with NN.obj and NN/frame_*_depth.bin.
         out: Folder for the data set.
-        every: Use every N-th frame.
         subjects: Number of people. Default: all.
         frames_per_subject: Frames per person. Default: all.
         split: Shares of train,val,test, or paper for the paper's. Default: 0.7,0.12,0.18.
@@ -85,7 +84,7 @@ def kinect2(
     every: Annotated[int, typer.Option(min=1)] = 1,
     split: str | None = None,
     topic: str | None = None,
-    workers: WorkersOption = "1",
+    workers: str = "1",
 ) -> None:
     """Write recordings of a Kinect V2 or another depth camera; the data set has no clean maps.
 
@@ -93,11 +92,8 @@ def kinect2(
         root: A recording, or a folder of recordings: NNNN_depth.png and NNNN_ir.png of iai_kinect2,
             16-bit PNG or TIFF files, .npy stacks, dumps of libfreenect2, .bag, .mcap, .mkv.
         out: Folder for the data set.
-        depth_unit_mm: Step of integer depth files, mm. Default: the stated step, or 1.
         mirror: Flip left and right, as libfreenect2's dumps need.
-        every: Use every N-th frame.
         split: Shares of train,val,test. Default: 0,0,1 (all test).
-        topic: Topic of the depth images in a bag. Default: native images named depth.
     """
     from glsim.cli.progress import frame_progress, print_summary
     from glsim.data.recordings.imports import import_recordings

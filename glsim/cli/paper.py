@@ -11,7 +11,6 @@ import typer
 from glsim.cli import eval as cli_eval
 from glsim.cli.common import (
     PlainCommand,
-    WorkersOption,
     epilog,
     make_console,
     print_message,
@@ -42,7 +41,7 @@ def reproduce(
     d3dfacs: RootOption = None,
     facewarehouse: RootOption = None,
     biwi: RootOption = None,
-    workers: WorkersOption = "auto",
+    workers: str = "auto",
 ) -> None:
     """Reproduce the paper: generate data, train networks, write tables 1 to 3 with our values.
 
@@ -85,15 +84,15 @@ def reproduce(
 
 
 def tables(
-    dataset: cli_eval.DatasetArgument,
+    dataset: Path,
     table: list[int] = [1],  # noqa: B006  # Typer reads it and makes a new list
-    runs: cli_eval.RunsOption = None,
+    runs: Path | None = None,
     denoiser: cli_eval.DenoisersOption = None,
-    split: cli_eval.SplitOption = "test",
+    split: str = "test",
     out: cli_eval.OutOption = Path("scores"),
-    protocol: cli_eval.ProtocolOption = None,
-    figures: cli_eval.FiguresOption = True,
-    workers: WorkersOption = "auto",
+    protocol: str | None = None,
+    figures: bool = True,
+    workers: str = "auto",
 ) -> None:
     """Write the paper's tables with our values added, and all files of glsim eval.
 

@@ -21,6 +21,8 @@ def preview(
     split: str | None = None,
     surface: Annotated[bool, typer.Option("--3d")] = False,
     mesh: Annotated[bool, typer.Option("--mesh")] = False,
+    depth_unit_mm: float | None = None,
+    topic: str | None = None,
 ) -> None:
     """Draw a contact sheet of a data set or a recording, and summarise its noise.
 
@@ -62,7 +64,7 @@ def preview(
     elif split is not None:
         raise ConfigError(f"--split {split}: {dataset} is no data set")
     else:
-        recording = open_maps(dataset)
+        recording = open_maps(dataset, unit_mm=depth_unit_mm, topic=topic)
         pairs, sensor = recording.frames, recording.stated.name or dataset.name
         if sentence := recording.sentence():
             print_message(sentence)

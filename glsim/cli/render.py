@@ -8,11 +8,8 @@ from typing import Annotated
 import typer
 
 from glsim.cli.common import (
-    BackendOption,
-    ConfigOption,
     PresetOption,
     RotationOption,
-    SeedOption,
     SensorOption,
     SetOption,
     overrides,
@@ -28,15 +25,15 @@ def render(
     out: Annotated[Path, typer.Option("-o", "--out")] = Path(),
     sensor: SensorOption = None,
     assignments: SetOption = None,
-    seed: SeedOption = None,
+    seed: int | None = None,
     crop: int | None = None,
     depth_unit_mm: float | None = None,
     unit: str = "auto",
     axes: str = "auto",
     rotation_deg: RotationOption = None,
     preset: PresetOption = None,
-    config: ConfigOption = None,
-    backend: BackendOption = None,
+    config: Path | None = None,
+    backend: str | None = None,
 ) -> None:
     """Render a mesh to a clean and a noisy depth map (16-bit PNG, millimetres).
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from glsim.cli.common import RECIPES, SeedOption, console, options, overrides, print_message
+from glsim.cli.common import RECIPES, console, options, overrides, print_message
 from glsim.core.errors import ConfigError, counted, require_package
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def train(
     resume: Annotated[bool, typer.Option("--resume")] = False,
     out: Annotated[Path | None, typer.Option("-o", "--out")] = None,
     protocol: str | None = None,
-    seed: SeedOption = None,
+    seed: int | None = None,
     list_recipes: Annotated[bool, typer.Option("--list")] = False,
 ) -> None:
     """Train a denoiser; write checkpoints, metrics.csv, TensorBoard events and sample images.

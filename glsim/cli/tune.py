@@ -9,15 +9,7 @@ from typing import Annotated
 
 import typer
 
-from glsim.cli.common import (
-    SENSORS,
-    ConfigOption,
-    PresetOption,
-    SeedOption,
-    SetOption,
-    console,
-    overrides,
-)
+from glsim.cli.common import SENSORS, PresetOption, SetOption, console, overrides
 
 
 def tune(
@@ -27,9 +19,9 @@ def tune(
     root: Path | None = None,
     real: Annotated[Path | None, typer.Option("--real")] = None,
     assignments: SetOption = None,
-    seed: SeedOption = None,
+    seed: int | None = None,
     preset: PresetOption = None,
-    config: ConfigOption = None,
+    config: Path | None = None,
     host: str = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535)] = 8137,
     no_browser: Annotated[bool, typer.Option("--no-browser")] = False,

@@ -12,7 +12,6 @@ from rich.text import Text
 from glsim.cli.common import (
     SENSORS,
     STDOUT,
-    BackendOption,
     FigureOption,
     JsonFileOption,
     check_outputs,
@@ -36,7 +35,7 @@ def validate(
     figure: FigureOption = None,
     seed: Annotated[int, typer.Option(min=0)] = 0,
     frames: Annotated[int, typer.Option(min=8, max=2000)] = 64,
-    backend: BackendOption = None,
+    backend: str | None = None,
 ) -> int:
     """Check a sensor's noise against published measurements.
 

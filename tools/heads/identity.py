@@ -9,12 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from tools.heads import (
-    identity_bust,
-    identity_jaw,
-    identity_nose_eyes,
-    identity_skull,
-)
+from tools.heads import identity_bust, identity_jaw, identity_nose_eyes, identity_skull
 from tools.heads.fields import Field
 
 FIELDS: Mapping[str, Field] = {

@@ -9,13 +9,7 @@ import pytest
 from glsim.core.errors import ConfigError
 from glsim.faces.face_source import BadFace, Face
 from glsim.faces.sources.biwi import PEOPLE, Biwi
-from tests.support.face_sets import (
-    FACE,
-    all_keys,
-    pose_text,
-    put,
-    write_recording,
-)
+from tests.support.face_sets import FACE, all_keys, pose_text, put, write_recording
 
 
 def test_people_not_recordings(tmp_path: Path) -> None:

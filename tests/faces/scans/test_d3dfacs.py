@@ -10,14 +10,7 @@ from glsim.faces.face_source import Face
 from glsim.faces.meshes.alignment import rotation
 from glsim.faces.sources.d3dfacs import D3dfacs, action_units, deformation
 from tests.support.face_models import analytic_face
-from tests.support.face_sets import (
-    FACE,
-    TRIANGLES,
-    all_keys,
-    obj_bytes,
-    ply_bytes,
-    put,
-)
+from tests.support.face_sets import FACE, TRIANGLES, all_keys, obj_bytes, ply_bytes, put
 
 
 def _registrations(root: Path, frames: int = 5) -> Path:
