@@ -109,7 +109,7 @@ def load_methods(specs: Sequence[str], *taken: str) -> list[Denoiser]:
     labels = [*taken, *(method.label for method in methods)]
     for label in labels:
         if labels.count(label) > 1:
-            raise ConfigError(f"--denoiser {label}: is given twice: name one of them label@{label}")
+            raise ConfigError(f"denoiser {label}: is given twice: name one of them label@{label}")
     return methods
 
 

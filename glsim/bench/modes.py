@@ -14,7 +14,7 @@ from glsim.core.camera import Intrinsics
 from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError
 from glsim.core.units import MM_PER_M
-from glsim.measures.lattice import Lattice, distinct_values, estimate_lattice
+from glsim.measures.lattice import Lattice, distinct_values, lattice_of
 from glsim.sensors.sensor import Sensor
 
 #: Factors of librealsense's decimation that take medians; to (size // k), padded to whole fours.
@@ -49,11 +49,7 @@ class Mode:
 
 def find_lattice(frames: Frames) -> Lattice | None:
     """Find the lattice of the frames' depths; None if the depths lie on no lattice."""
-    step = frames[0].step_mm
-    if step <= 0:
-        return None
-    lattice = estimate_lattice(distinct_values((f.measured_mm for f in frames), step))
-    return lattice if lattice is not None and lattice.accepted else None
+    return lattice_of((frame.measured_mm for frame in frames), frames[0].step_mm)
 
 
 def lattice_focal_px(sensor: Sensor, frames: Frames, lattice: Lattice | None) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -9,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from glsim.cli.common import (
-    BackendOption,
     JsonOption,
     RotationOption,
     as_typed,
@@ -37,7 +37,7 @@ def inspect(
     rotation_deg: RotationOption = None,
     depth_unit_mm: float | None = None,
     topic: str | None = None,
-    backend: BackendOption = None,
+    backend: str | None = None,
     as_json: JsonOption = False,
 ) -> None:
     """Report a face set's kind, people, frames, units, axes and problems, or a recording's camera.
@@ -49,8 +49,6 @@ def inspect(
         shown: Number of faces on the sheet; 0 draws none.
         unit: Unit of the mesh files; overrides detection.
         axes: Axes of the mesh files; overrides detection.
-        depth_unit_mm: Step of a recording's integers, mm. Default: the stated step, else 1.
-        topic: Topic of the depth images in a bag. Default: native images named depth.
     """
     from glsim.core.files.png import write_picture
     from glsim.data import inspection
@@ -65,7 +63,7 @@ def inspect(
     if (recording := _recording(path, depth_unit_mm, topic)) is not None:
         if out is not None:
             raise ConfigError(f"-o {out}: a sheet of a recording: glsim preview {path} -o FOLDER")
-        content = _camera(recording)
+        content = _camera(recording, depth_unit_mm, topic)
         if as_json:
             print_json(content)
         else:
@@ -118,13 +116,19 @@ def _recording(path: Path, unit_mm: float | None, topic: str | None) -> Recordin
     return replace(recording, notes=(*recording.notes, beside))
 
 
-def _camera(recording: Recording) -> dict[str, Any]:
+def _camera(recording: Recording, unit_mm: float | None, topic: str | None) -> dict[str, Any]:
     """Return the stated camera of a recording, the most similar sensor, and a denoiser for it."""
-    from glsim.denoise.network_choice import camera_of, choose_network
+    from glsim.denoise.network_choice import choose_network, noise_of
 
     frame = recording.frames[0]
     height, width = frame.measured_mm.shape
-    sensor, why = camera_of(recording)
+    sensor, why, _ = recording.recognised
+    network, command = choose_network(recording)[0], None
+    if recording.votes.deepest_mm > 0:
+        given = [("--depth-unit-mm", unit_mm and f"{unit_mm:g}"), ("--topic", topic)]
+        more = [word for name, value in given if value for word in (name, value)]
+        words = [str(recording.path), "-o", "denoised", "-d", network, *more]
+        command = f"glsim denoise {shlex.join(words)}"
     return {
         "path": str(recording.path),
         "kind": recording.kind or "images",
@@ -134,10 +138,13 @@ def _camera(recording: Recording) -> dict[str, Any]:
         "step_mm": frame.step_mm,
         "infrared": recording.has_infrared,
         "intrinsics": None if recording.camera is None else asdict(recording.camera),
+        "focal_px": frame.intrinsics.fx,
+        "noise_mm": noise_of(recording.votes.maps_mm)[0] or None,
         "sensor": sensor or None,
         "because": why if sensor else None,
-        "denoiser": choose_network(recording)[0],
-        "notes": recording.sentence(camera=False),
+        "denoiser": network,
+        "denoise": command,
+        "notes": recording.sentence(camera=False, real=True),
     }
 
 
@@ -149,11 +156,14 @@ def _print_camera(content: dict[str, Any]) -> None:
         f"{content['path']}: {content['kind']}, {counted(content['frames'], 'frame')} of "
         f"{content['width_px']} x {content['height_px']} px {light} infrared, {step}"
     )
-    if content["sensor"]:
-        out.print(f"camera: like {content['sensor']}, because {content['because']}")
-    else:
-        out.print("camera: not recognised: state it in a camera.toml")
-    out.print(f"denoise: glsim denoise {content['path']} -o denoised -d {content['denoiser']}")
+    like = content["sensor"] and f"like {content['sensor']}, because {content['because']}"
+    by = "stated" if content["intrinsics"] else "assumed"
+    camera = like or "not recognised: state it in a camera.toml"
+    out.print(f"camera: {camera}; f {content['focal_px']:.0f} px ({by})")
+    if content["noise_mm"]:
+        out.print(f"noise: {content['noise_mm']:.2g} mm between neighbours")
+    denoise = content["denoise"]
+    out.print(f"denoise: {denoise}" if denoise else "no depth: all sampled maps are 0")
     if content["notes"]:
         out.print(content["notes"])
 
@@ -168,6 +178,7 @@ def _described(report: FaceSetReport) -> dict[str, Any]:
             for name, (sequences, frames) in report.people.items()
         },
         "frames": report.frames,
+        "is_sample": report.is_sample,
         "frames_read": report.checked,
         "vertices": list(report.vertices),
         "triangles": list(report.triangles),
@@ -179,8 +190,9 @@ def _described(report: FaceSetReport) -> dict[str, Any]:
 def _print(report: FaceSetReport) -> None:
     out = make_console(soft_wrap=True)
     sequences = sum(count for count, _ in report.people.values())
+    sample = "a sample of the people that it generates: " * report.is_sample
     out.print(
-        f"{report.root}: {report.kind}, {counted(len(report.people), 'person', 'people')}, "
+        f"{report.root}: {report.kind}, {sample}{counted(len(report.people), 'person', 'people')}, "
         f"{counted(sequences, 'sequence')}, {counted(report.frames, 'frame')}"
     )
     for name, (count, frames) in list(report.people.items())[:_LINES]:

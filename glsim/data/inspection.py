@@ -40,10 +40,12 @@ class FaceSetReport:
     Args:
         vertices, triangles: (smallest, largest) number in a mesh.
         placements: description of unit and axes -> number of frames.
+        is_sample: whether the set generates any number of people, and these are some of them.
     """
 
     kind: str
     root: Path
+    is_sample: bool = False
     people: dict[str, tuple[int, int]] = field(default_factory=dict)
     checked: int = 0
     vertices: tuple[int, int] = (0, 0)
@@ -85,8 +87,8 @@ def open_faces(
 
 def inspect(path: Path, kind: str, source: FaceSource, sample: int) -> FaceSetReport:
     """List all frames, and load ``sample`` frames, evenly spaced (0: all). Raises ConfigError."""
-    report = FaceSetReport(kind, path)
-    people, frames_each = (3, 4) if generates(kind) else (None, None)
+    report = FaceSetReport(kind, path, is_sample=generates(kind))
+    people, frames_each = (3, 4) if report.is_sample else (None, None)
     keys: list[FaceKey] = []
     for subject in source.subjects(people):
         frames = source.frames(subject, frames_each)

@@ -40,7 +40,10 @@ READ_ONLY: Final = (".pfm", ".pgm", ".npz")
 #: Suffixes of dumps by libfreenect2, and of Biwi's depth.bin, which are read only.
 DUMPS: Final = (".bin", ".raw", ".depth", ".ir")
 #: Message for files of any other format.
-READABLE: Final = f"glsim reads depth in {', '.join((*SUFFIXES, *READ_ONLY))}: convert others"
+READABLE: Final = (
+    f"glsim reads depth in {', '.join((*SUFFIXES, *READ_ONLY))} and recordings .bag, .mcap, .mkv: "
+    "convert others (videos of 8 bits hold no depth)"
+)
 #: (H, W) of a Kinect V2's images; dumps of libfreenect2 do not state their size.
 DUMP_SHAPE: Final = (424, 512)
 #: File name of a Biwi recording's calibration, in the folder of its frames.
@@ -59,10 +62,12 @@ FLOAT_FORMATS: Final = ("tiff-float", "npy", "exr")
 #: number of a type (65504 for 16-bit floats). SATURATED, the largest 16-bit integer, is no depth.
 FAR_MM: Final = 65_500.0
 SATURATED: Final = 65535
-#: Note of commands about integers without a stated unit, and about their median, m.
+#: Where a user states the unit of integers; and the note about integers without one, and about
+#: their median, m.
+STATED_BY: Final = "by --depth-unit-mm, or unit_mm in a camera.toml"
 TAKEN_FOR_MM: Final = (
-    "nothing states a unit: whole numbers are taken for mm, which puts the middle at {:.3g} m "
-    "(unit_mm in a camera.toml, or --depth-unit-mm where the command has it)"
+    "nothing states a unit: whole numbers are taken for mm, which puts the middle at {:.3g} m: "
+    f"state another {STATED_BY}"
 )
 #: Floats are metres if their median is below the first number, millimetres if it is at least the
 #: second: faces are recorded from 0.2 to 20 m. A median between them would be centimetres.
@@ -286,14 +291,14 @@ def refuse_no_steps(image: NDArray[Any], where: Path) -> None:
     for step in (257, 16, 8):
         if len(values) >= _LEAST_VALUES and not (values % step).any():
             raise DatasetError(
-                f"{where}: all values are multiples of {step}: give --depth-unit-mm {1 / step:.5g} "
-                "if they are shifted (raw data of a Kinect V1), else the step that they have"
+                f"{where}: all values are multiples of {step}: state the unit {STATED_BY}: "
+                f"{1 / step:.5g} if they are shifted (raw data of a Kinect V1), else their step"
             )
     limit = _STRETCHED_SHARE if image.max() == SATURATED else _DEEP_SHARE
     if seen.size and (share := float((seen > _DEEPEST_MM).mean())) > limit:
         raise DatasetError(
             f"{where}: {100 * share:.0f} % of its values are above {_DEEPEST_MM}, 20 m in "
-            "millimetres: give --depth-unit-mm; relative or inverse depth is not read"
+            f"millimetres: state the unit {STATED_BY}; relative or inverse depth is not read"
         )
 
 

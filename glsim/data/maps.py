@@ -35,7 +35,7 @@ from glsim.data.disk_format import FORMAT, HEADER
 from glsim.data.header import is_dataset, read_header, simulated_by
 from glsim.data.map_files import STACKS, open_stack
 from glsim.data.recording import FrameReader, Recording, check_least_size
-from glsim.data.recordings.camera_file import StatedCamera, assumed_by, check_size
+from glsim.data.recordings.camera_file import StatedCamera, check_size
 from glsim.data.recordings.files import FramePlace, MapFiles, agreed_unit_mm
 from glsim.data.recordings.folders import (
     json_camera,
@@ -67,6 +67,11 @@ class _Loader:
     records: Mapping[Path, DepthFrame] = field(default_factory=dict)
     assumed: Intrinsics = DEFAULT_INTRINSICS
     needs_camera: bool = True
+
+    @property
+    def frames(self) -> Frames:
+        """All frames, which are read one by one."""
+        return Frames(len(self.reader), self, self.key)
 
     def key(self, number: int) -> FrameKey:
         """Return the key of a frame; the maps of one folder or bag are one sequence."""
@@ -156,9 +161,7 @@ def open_maps(
     reader = maps.reader(unit_mm, channel, infrared)
     cameras = maps.checked_cameras(reader.votes.maps_mm[0].shape, needs_camera, along_rays, mirror)
     stated, notes = cameras[maps.files[0].parent], maps.notes + reader.notes
-    taken, assumed = assumed_by(stated, maps.files[0], reader.votes.maps_mm[0].shape)
-    loader = _Loader(reader, kind, mirror, cameras, maps.records, assumed, needs_camera)
-    frames = Frames(len(reader), loader, loader.key)
+    loader = _Loader(reader, kind, mirror, cameras, maps.records, needs_camera=needs_camera)
     if reader.ray_channel and not stated.along_ray:
         notes += (
             f"channel {reader.ray_channel} is the distance along the ray: along_ray = true in a "
@@ -167,12 +170,22 @@ def open_maps(
     if stated.intrinsics is None and (unread := unread_cameras(maps.files[0].parent)):
         names = ", ".join(file.name for file in unread)
         notes += (f"{names}: not read; a camera.toml states the camera",)
-    return Recording(
-        given[0], kind_of(maps.files[0]), frames, reader, stated, maps.stated_by, notes,
-        maps.left_out, tuple(maps.outputs), maps.protocol,
-        "" if maps.records or stated.intrinsics else taken, f"{kind}_mm",
-        len({*cameras.values()}) == 1, maps.simulated_by, loader.assumed,
+    recording = Recording(
+        given[0], kind_of(maps.files[0]), loader.frames, reader, stated, maps.stated_by, notes,
+        maps.left_out, tuple(maps.outputs), maps.protocol, layer=f"{kind}_mm",
+        is_one_camera=len({*cameras.values()}) == 1, simulated_by=maps.simulated_by,
     )  # fmt: skip
+    return recording if maps.records else _with_camera(recording, loader)
+
+
+def _with_camera(recording: Recording, loader: _Loader) -> Recording:
+    """Assume the intrinsics of the recognised camera if none are stated."""
+    if recording.camera is not None:
+        return recording
+    seen = recording.recognised
+    taken, assumed = seen.intrinsics(recording.votes.maps_mm[0].shape)
+    frames = replace(loader, assumed=assumed).frames
+    return replace(recording, frames=frames, assumed=taken, assumed_camera=assumed, seen=seen)
 
 
 class _FileList:
@@ -190,6 +203,7 @@ class _FileList:
         self._named: list[tuple[Path, Path]] = []
         self._roots: dict[Path, Path | None] = {}
         self.left_out = Counter[str]()
+        self._searched: Path | None = None
         self.outputs: list[Path] = []
         self.cameras: dict[Path, StatedCamera] = {}
         self.stated_by: Path | None = None
@@ -207,7 +221,7 @@ class _FileList:
         path = Path(text)
         if path.is_dir():
             files, others = list_maps(path, self._kind, self._below)
-            self.left_out += others
+            self.left_out, self._searched = self.left_out + others, path
             named = [(file, file.relative_to(path)) for file in files]
         else:  # iglob leaves out hidden files, pathlib does not
             names = [text] if path.is_file() else glob.iglob(str(text), recursive=True)  # noqa: PTH207
@@ -309,8 +323,9 @@ class _FileList:
             if len(places) > MOST_FILES:
                 raise ConfigError(f"{file}: the recording has more than {MOST_FILES} frames")
         stated_mm = _one_step({camera.unit_mm for camera in self.cameras.values()})
+        agreed_unit_mm(unit_mm, stated_mm, self.stated_by or files[0])
         channel = channel or self.cameras[files[0].parent].channel
-        return MapFiles(places, unit_mm, stated_mm, channel)
+        return MapFiles(places, unit_mm, stated_mm, channel, self._searched)
 
 
 def _data_set(place: Path | str, kind: DepthKind) -> Recording:
@@ -385,15 +400,14 @@ def _stream_recording(
     depth_mm, _ = stream.depth(0)  # a stream without depth is refused here
     check_size(stated, depth_mm.shape, file or path)
     check_least_size(depth_mm.shape, path)
-    turned, (taken, assumed) = _mirrored(stated, mirror), assumed_by(stated, path, depth_mm.shape)
-    loader = _Loader(stream, kind, mirror, {path.parent: turned}, assumed=assumed)
-    frames = Frames(len(stream), loader, loader.key)
+    turned = _mirrored(stated, mirror)
+    loader = _Loader(stream, kind, mirror, {path.parent: turned})
     outputs = tuple(Path(f"{stream.name(number)}.png") for number in range(len(stream)))
-    return Recording(
-        path, stream.kind, frames, stream, turned, file or path, notes,
-        outputs=outputs, assumed="" if stated.intrinsics else taken,
-        layer=f"{kind}_mm", assumed_camera=assumed,
+    recording = Recording(
+        path, stream.kind, loader.frames, stream, turned, file or path, notes, outputs=outputs,
+        layer=f"{kind}_mm",
     )  # fmt: skip
+    return _with_camera(recording, loader)
 
 
 def _open_stream(path: Path, topic: str | None) -> FrameStream:

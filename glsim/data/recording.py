@@ -18,6 +18,7 @@ from glsim.core.errors import DatasetError, counted
 from glsim.data.recordings.camera_file import StatedCamera
 from glsim.data.recordings.files import SHOWN, VOTERS, MapFiles, Votes, spread
 from glsim.data.recordings.names import is_infrared, left_out_text
+from glsim.data.recordings.recognition import Camera, recognise_camera
 from glsim.data.recordings.streams import FrameStream
 from glsim.measures.static import longest_still, mask_moving, view_change
 
@@ -54,6 +55,7 @@ class Recording:
         protocol: origin of the depths in the files; frames always have measured depths.
         assumed: name of the sensor whose intrinsics are assumed; "" for stated intrinsics.
         assumed_camera: these intrinsics, for maps of the size of the first.
+        seen: ``recognised``, if opening the recording has found it.
         is_one_camera: whether ``stated`` holds for every frame; False for crops, several cameras.
         simulated_by: sensor of glsim whose noise the frames have; "" if none is known.
     """
@@ -73,6 +75,7 @@ class Recording:
     is_one_camera: bool = True
     simulated_by: str = ""
     assumed_camera: Intrinsics = DEFAULT_INTRINSICS
+    seen: Camera | None = None
 
     @property
     def camera(self) -> Intrinsics | None:
@@ -93,12 +96,14 @@ class Recording:
         remarks = list(self.notes)
         if real and self.simulated_by:
             remarks.append(f"is simulated by {self.simulated_by}, and no record of a camera")
+        if real and (folders := len({file.parent for file in self.sources})) > 1:
+            remarks.append(f"its {folders} folders are read as one camera: give each by itself")
         left_out = self.left_out
         if left_out and self.first_without_infrared() is None:  # infrared images are used
             left_out = Counter({name: n for name, n in left_out.items() if not is_infrared(name)})
         if left_out:
             remarks.append(f"left out {left_out_text(left_out)}")
-        if camera and self.camera is None and focal_px is None:
+        if camera and self.assumed and focal_px is None:
             at = self.assumed_camera
             taken = taken or f"{self.assumed} (f {at.fx:.0f} px for {at.width}x{at.height})"
             remarks.append(
@@ -133,6 +138,11 @@ class Recording:
         has, numbers = self.reader.has_infrared_of, range(len(self.reader))
         lacking = next((number for number in numbers if not has(number)), None)
         return None if lacking is None else self.reader.files(lacking)[0]
+
+    @cached_property
+    def recognised(self) -> Camera:
+        """The shipped sensor that resembles the camera."""
+        return self.seen or recognise_camera(self.stated, self.stated_by, self.votes)
 
     @cached_property
     def votes(self) -> Votes:

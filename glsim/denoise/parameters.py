@@ -31,16 +31,16 @@ def build(kind: type, text: dict[str, str], where: str) -> Any:
         field = fields.get(name)
         if field is None:
             raise ConfigError(
-                f"--denoiser {where}: no such parameter {name!r} ({did_you_mean(name, fields)})"
+                f"denoiser {where}: no such parameter {name!r} ({did_you_mean(name, fields)})"
             )
         whole = str(getattr(field.type, "__name__", field.type)).startswith("int")
         try:
             value = int(written) if whole else float(written)
         except ValueError:
             number = "a whole number" if whole else "a number"
-            raise ConfigError(f"--denoiser {where}: {name} must be {number}") from None
+            raise ConfigError(f"denoiser {where}: {name} must be {number}") from None
         low, high = field.metadata["range"]
         if not low <= value <= high:
-            raise ConfigError(f"--denoiser {where}: {name} must lie in [{low:g}, {high:g}]")
+            raise ConfigError(f"denoiser {where}: {name} must lie in [{low:g}, {high:g}]")
         values[name] = value
     return kind(**values)

@@ -130,7 +130,7 @@ def load_denoiser(
     label, at, rest = spec.partition("@")
     text = rest if at else spec
     if not text or (at and not label):
-        raise ConfigError(f"--denoiser {spec!r}: give a name, e.g. median:size=5")
+        raise ConfigError(f"denoiser {spec!r}: give a name, e.g. median:size=5")
     function, version = _resolve(text, spec, label)
     return Denoiser(label, function, version, device=device, composite=composite, around=around)
 
@@ -164,9 +164,9 @@ def _resolve(text: str, spec: str, label: str) -> tuple[Any, str]:
     if function and "=" not in function:
         return _own_code(f"{name}:{function}", parameters, spec, label)
     if (best := Path(text, "best.pt")).is_file():
-        raise ConfigError(f"--denoiser {spec}: is the folder of a run: give {best}")
+        raise ConfigError(f"denoiser {spec}: is the folder of a run: give {best}")
     raise ConfigError(
-        f"--denoiser {spec}: no such denoiser {name!r} ({did_you_mean(name, denoiser_names())}); "
+        f"denoiser {spec}: no such denoiser {name!r} ({did_you_mean(name, denoiser_names())}); "
         "or write module:function, file.py:function, or the path of a network (.onnx, .pt, "
         ".safetensors)"
     )
@@ -186,7 +186,7 @@ def _assignments(text: str, spec: str) -> dict[str, str]:
     for part in filter(None, text.split(",")):
         key, equals, value = part.partition("=")
         if not equals or not key or not value:
-            raise ConfigError(f"--denoiser {spec}: write name=value after the colon, not {part!r}")
+            raise ConfigError(f"denoiser {spec}: write name=value after the colon, not {part!r}")
         pairs[key] = value
     return pairs
 

@@ -105,6 +105,12 @@ def estimate_lattice(values: Array) -> Lattice | None:
     return shifted if shifted.accepted else plain
 
 
+def lattice_of(maps_mm: Iterable[NDArray[np.generic]], step_mm: float) -> Lattice | None:
+    """Find the lattice of depths, mm, in files of a step; None without a step or a lattice."""
+    found = estimate_lattice(distinct_values(maps_mm, step_mm)) if step_mm > 0 else None
+    return found if found is not None and found.accepted else None
+
+
 def _judged(telling: Array, constant: float, phase: float = 0.0) -> Lattice:
     chance = np.minimum(2.0 * _TOLERANCE * constant / telling**2, 1.0)
     share = float(on_lattice(telling, constant, phase).mean())

@@ -19,7 +19,6 @@ from glsim.core.depth_frame import Frames
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.atomic import write_atomic
 from glsim.data.maps import open_maps
-from glsim.denoise.network_choice import camera_of
 from glsim.measures.stacks import with_nan
 from glsim.measures.validity import hole_share_beside_band
 from glsim.sensors.sensor import load_sensor
@@ -113,7 +112,7 @@ def test_no_camera_becomes_another_kind(
 def test_a_real_d435_and_a_real_kinect_v1_are_stereo() -> None:
     kinect_v1 = open_maps(REAL_CAMERAS / "kinect_v1_tables")
     assert choose_base(kinect_v1, None, None).name == "kinect-v1-pattern"
-    assert camera_of(kinect_v1).sensor == "kinect-v1-pattern"
+    assert kinect_v1.recognised.sensor == "kinect-v1-pattern"
     recording = open_maps(REAL_CAMERAS / "d435_wall_2frames")
     assert choose_base(recording, None, None).name == "realsense-d435-vga"
     found = disparity_figures(recording.read(), 390.4315 * 50.1707)

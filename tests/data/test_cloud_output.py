@@ -196,4 +196,4 @@ def test_verify_finds_what_is_wrong_in_a_bucket(here: None, memory: str) -> None
         "train-000001.tar is not what was written: its CRC32 differs",
         "train-000007.tar is in no record: delete it, or move it out",
     ]
-    assert verify(f"{memory}-none")[0].endswith("it has no dataset.json")
+    assert "it has no dataset.json" in verify(f"{memory}-none")[0]

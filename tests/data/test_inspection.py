@@ -114,25 +114,29 @@ def test_a_plan_writes_nothing_and_counts_everything(
 
 
 @pytest.mark.parametrize(
-    ("size", "lattice", "sensor"),
+    ("size", "lattice", "sensor", "focal"),
     [
-        ((424, 512), False, "kinect-v2"),
-        ((576, 640), False, "azure-kinect"),
-        ((480, 640), True, "realsense-d435"),
-        ((480, 640), False, None),
+        ((424, 512), False, "kinect-v2", 365),
+        ((576, 640), False, "azure-kinect", 504),
+        ((480, 640), True, "realsense-d435", 390),
+        ((240, 320), True, "realsense-d435", 195),  # decimated
+        ((480, 640), False, None, 365),
     ],
 )
 def test_a_recording_names_its_camera_and_denoiser(
     here: Path, capsys: pytest.CaptureFixture[str],
-    size: tuple[int, int], lattice: bool, sensor: str | None
+    size: tuple[int, int], lattice: bool, sensor: str | None, focal: int
 ) -> None:  # fmt: skip
     depth = np.linspace(600, 3000, size[0] * size[1]).reshape(size)
     if lattice:  # 1/32 px of disparity
         depth = np.rint(626813 / np.rint(626813 / depth))
     put(Path("frames/a.png"), encode_png(depth.astype(np.uint16)))
-    assert open_maps(Path("frames")).assumed == ("azure-kinect" if size[0] == 576 else "kinect-v2")
+    assert open_maps(Path("frames")).assumed == (sensor or "kinect-v2")
     assert main(["inspect", "frames"]) == 0
     printed = capsys.readouterr().out
     assert (f"like {sensor}" if sensor else "not recognised") in printed
     assert f"glsim denoise frames -o denoised -d face{'-stereo' * lattice}\n" in printed
+    assert f"; f {focal} px (assumed)\n" in printed
+    assert main(["inspect", "frames", "--depth-unit-mm", "0.5"]) == 0
+    assert " --depth-unit-mm 0.5\n" in capsys.readouterr().out
     assert [path.name for path in here.iterdir()] == ["frames"], "a picture only with -o"

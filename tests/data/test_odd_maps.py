@@ -148,7 +148,7 @@ def test_significant_bits_are_heeded_and_shifted_values_refused(tmp_path: Path) 
     file = tmp_path / "raw.png"
     for bits in (3, 4):
         file.write_bytes(encode_png(ramp << bits))
-        with pytest.raises(DatasetError, match=f"multiples of {1 << bits}: give --depth-unit-mm"):
+        with pytest.raises(DatasetError, match=f"multiples of {1 << bits}: state the unit"):
             open_maps(file)
         shifted_back = open_maps(file, unit_mm=1 / (1 << bits)).frames[0].noisy_mm
         np.testing.assert_array_equal(shifted_back, ramp)

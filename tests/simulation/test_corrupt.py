@@ -16,7 +16,6 @@ from glsim.core.files.png import encode_png, stated_unit_mm
 from glsim.core.reason import Reason
 from glsim.core.units import from_steps, to_metres
 from glsim.data.maps import open_maps
-from glsim.denoise.network_choice import camera_of
 from glsim.settings.schema import load_settings
 from glsim.simulation.depth_noise import DepthNoise
 from glsim.simulation.frame import Frame
@@ -202,9 +201,9 @@ def test_sensor_camera_and_unit_go_with_noisy_and_denoised_maps(tmp_path: Path, 
     command = ["denoise", str(noisy), "-o", str(out), "-d", "median", "--format", form]
     assert main(command) == 0
     (noisy / "camera.toml").unlink()
-    assert camera_of(open_maps(noisy)).sensor == open_maps(noisy).simulated_by == "kinect-v2"
+    assert open_maps(noisy).recognised.sensor == open_maps(noisy).simulated_by == "kinect-v2"
     denoised = open_maps(out)
-    assert camera_of(denoised).sensor == "kinect-v2"
+    assert denoised.recognised.sensor == "kinect-v2"
     assert denoised.camera == Intrinsics(40, 32, 30, 31, 20, 16)
     assert denoised.stated.name == "kinect-v2: my: k"
     assert denoised.frames[0].step_mm == {"png": 0.1, "tiff": 1.0, "npy": 0.0}[form]

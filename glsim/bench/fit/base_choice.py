@@ -73,7 +73,8 @@ def choose_base(recording: Recording, base: str | None, focal_px: float | None) 
     if base is not None:
         if base not in TIME_OF_FLIGHT and load_sensor(base).matcher is None:
             known = [*TIME_OF_FLIGHT, *(n for n in sensor_names() if load_sensor(n).matcher)]
-            raise ConfigError(f"--base: no fit starts from {base!r} ({did_you_mean(base, known)})")
+            bases = did_you_mean("", known)
+            raise ConfigError(f"--base: no fit starts from {base!r}; {bases}")
         return BaseChoice(base)
     if stated and (stated in TIME_OF_FLIGHT or load_sensor(stated).matcher is not None):
         return BaseChoice(stated)

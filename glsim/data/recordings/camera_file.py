@@ -16,14 +16,13 @@ baseline_m = 0.0502                    optional: cameras that triangulate
 from __future__ import annotations
 
 from collections.abc import Mapping
-from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, get_args
 
 from pydantic import Field, model_validator
 
-from glsim.core.camera import DEFAULT_INTRINSICS, DEFAULT_SENSOR, Distortion, Intrinsics
+from glsim.core.camera import Distortion, Intrinsics
 from glsim.core.errors import ConfigError, DatasetError, did_you_mean
 from glsim.core.files.atomic import write_atomic
 from glsim.core.files.regular import MOST_HELD, read_data
@@ -31,14 +30,6 @@ from glsim.settings.toml_tables import TomlTable, parse_table, read_toml, toml_v
 
 #: The file that describes the camera, beside the frames.
 CAMERA_FILE = "camera.toml"
-#: Size of images that only one kind of camera delivers: (width, height), px -> sensor.
-SENSORS_OF_SIZE: Final = {
-    (512, 424): "kinect-v2",
-    (640, 576): "azure-kinect",
-    (320, 288): "azure-kinect-nfov-binned",
-    (512, 512): "azure-kinect-wfov",
-    (1024, 1024): "azure-kinect-wfov-unbinned",
-}
 #: First line of a file that glsim wrote and may replace.
 _WRITTEN: Final = b"# written by glsim beside its maps, which it describes"
 
@@ -152,16 +143,6 @@ def sensor_camera(name: str, where: Path) -> StatedCamera:
     unit = None if matcher is None else matcher.settings["depth_unit_mm"].bounds()[0]
     lens, baseline_m = opencv_order(rig.distortion), rig.baseline_m or None
     return StatedCamera(rig.intrinsics, lens, unit, baseline_m, sensor.title)
-
-
-def assumed_by(stated: StatedCamera, place: Path, shape: tuple[int, ...]) -> tuple[str, Intrinsics]:
-    """Return the sensor whose intrinsics are taken if none are stated; and these, for (H, W)."""
-    sensor, camera = DEFAULT_SENSOR, DEFAULT_INTRINSICS
-    named = stated.sensor or SENSORS_OF_SIZE.get((shape[1], shape[0]), sensor)
-    if stated.intrinsics is None and named != sensor:
-        with suppress(ConfigError):  # a sensor file of the user
-            sensor, camera = named, sensor_camera(named, place).intrinsics or camera
-    return sensor, camera.for_map((shape[0], shape[1]))
 
 
 def opencv_order(lens: Distortion) -> tuple[float, ...]:

@@ -78,20 +78,21 @@ class MapFiles:
 
     def __init__(
         self, places: Sequence[FramePlace], given_mm: float | None = None,
-        stated_mm: float | None = None, channel: str | None = None,
+        stated_mm: float | None = None, channel: str | None = None, folder: Path | None = None,
     ) -> None:  # fmt: skip
         """Decide the step of integers, and for each folder the unit of floats.
 
         Args:
             given_mm: step of integers from an option. Default: the stated step, else 1.
             stated_mm: step that a camera.toml or a data set states, above the PNG files' steps.
+            folder: the folder that was searched for the files, for messages.
 
         Raises:
             ConfigError: two different steps are stated or given.
             DatasetError: integers are shifted, floats are neither metres nor millimetres, or none
                 of the sampled maps can be read.
         """
-        self.places, self._channel = tuple(places), channel or None
+        self.places, self._channel, self._folder = tuple(places), channel or None, folder
         self.notes: tuple[str, ...] = ()
         folders: dict[Path, list[FramePlace]] = {}
         for place in self.places:
@@ -187,7 +188,7 @@ class MapFiles:
             except DatasetError as error:  # one of many maps; reading it reports the error
                 first = first or error
         if first is not None and not images:
-            raise first
+            raise DatasetError(f"{self._folder}: no depth map: {first}") if self._folder else first
         return images
 
     def _decide(
@@ -199,11 +200,10 @@ class MapFiles:
         where = files.pop() if len(files) == 1 else folder
         for image in own.values():
             refuse_negative(image, where)
-            if unknown and image.dtype.kind == "u":
+            if unknown and image.dtype.kind == "u" and image.any():
                 refuse_no_steps(image, where)
-                some = image.ravel()[:: image.size // _VALUES + 1].astype(np.float64)
-                middle = float(np.median(some[some > 0])) if some.any() else 0.0
-                self.notes = (TAKEN_FOR_MM.format(middle / MM_PER_M),)
+                steps = image.astype(np.float64)
+                self.notes = (TAKEN_FOR_MM.format(np.median(steps[steps > 0]) / MM_PER_M),)
             elif doubt := doubt_of_floats(image):
                 self.notes = (doubt,)
         thinned = [image.ravel()[:: image.size // _VALUES + 1] for image in own.values()]

@@ -137,7 +137,7 @@ class MkvStream(FrameStream):
             if s.type == "attachment" and s.name.endswith(".json")
         ]
         if (mode := _MODES.get(size)) is None:
-            why = f"{size[0]}x{size[1]} is no mode of an Azure Kinect"
+            why = f"{size[0]}x{size[1]} is no mode of an Azure Kinect: calibration is not read"
             return StatedCamera(unit_mm=1.0), (why,)
         if texts and (found := _factory_camera(texts[0], size, mode)) is not None:
             return StatedCamera(*found, 1.0, sensor=mode[-1]), ()

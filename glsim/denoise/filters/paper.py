@@ -39,7 +39,7 @@ class Median(FrameFilter):
 
     def __post_init__(self) -> None:
         if self.size not in (3, 5):
-            raise ConfigError("--denoiser median: OpenCV's 16-bit median has size 3 or 5")
+            raise ConfigError("denoiser median: OpenCV's 16-bit median has size 3 or 5")
 
     def filtered(self, noisy_mm: Depth, valid: Mask) -> Denoised:
         """Filter in float32, which on whole millimetres equals the 16-bit median."""
