@@ -171,8 +171,8 @@ class Denoiser:
     ) -> Depth:
         """Check a user's depth map; return a calibrated float32 copy (cameras reuse buffers)."""
         kind = getattr(depth_mm, "dtype", type(depth_mm).__name__)
-        usable = isinstance(kind, np.dtype) and depth_mm.ndim == 2 and depth_mm.size > 0
-        if not usable or kind.kind not in "fiu":
+        usable = isinstance(kind, np.dtype) and kind.kind in "fiu"
+        if not usable or depth_mm.ndim != 2 or not depth_mm.size:
             raise ConfigError(
                 f"{self.label}: give depth of shape (H, W) in millimetres, float or integer, not "
                 f"{getattr(depth_mm, 'shape', 'a')} {kind}"
