@@ -159,8 +159,9 @@ def _frames_are_last(stack: NDArray[Any]) -> bool:
     Along time far more pixels jump than along rows and columns if the scene moves, far fewer if it
     is still; rows and columns are alike.
     """
-    if 4 * stack.shape[2] <= min(stack.shape[:2]):
-        return True
+    short, long = sorted(stack.shape[:2])
+    if long > 4 * short or 4 * stack.shape[2] <= short:  # no image is narrower than 1 : 4
+        return bool(long <= 4 * short)
     rates = []
     for axis in range(3):
         part = stack[tuple(slice(None) if n == axis else slice(None, None, 2) for n in range(3))]
@@ -169,8 +170,7 @@ def _frames_are_last(stack: NDArray[Any]) -> bool:
             middle = float(np.median(part[part > 0])) if (part > 0).any() else 0.0
             rates.append(((change > _JUMP_SHARE * middle).sum() + 0.5) / max(change.size, 1))
     logs = np.log(rates)
-    others = [np.delete(logs, axis) for axis in range(3)]
-    odd = [abs(logs[k] - other.mean()) - np.ptp(other) for k, other in enumerate(others)]
+    odd = [abs(logs[k] - (rest := np.delete(logs, k)).mean()) - np.ptp(rest) for k in range(3)]
     return bool(odd[2] > max(odd[:2]) + _ODDER)
 
 
