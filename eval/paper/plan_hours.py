@@ -20,10 +20,7 @@ _REACHED: Final = 0.3
 
 
 def plan_hours(recipes: Iterable[Recipe], split: object, images: int) -> TextTable:
-    """Return a row per network of all trainings with its steps and hours at most, and the sums.
-
-    ``split`` and ``images`` are of the data set.
-    """
+    """Return a row per network with its steps and hours at most, and the sums."""
     from glsim.train.step_cost import step_flop, step_seconds
 
     share = split[0] if isinstance(split, tuple) else PAPER_IMAGES[0] / sum(PAPER_IMAGES)
@@ -41,7 +38,7 @@ def plan_hours(recipes: Iterable[Recipe], split: object, images: int) -> TextTab
         rows.append(([title, str(trainings[title]), f"{steps:,.0f}", f"{seconds:.3g}"], hours))
     total = [sum(hours[place] for _, hours in rows) for place in range(1 + len(_GPUS))]
     rows.append((["all", str(trainings.total()), "", ""], total))
-    head = ["training", "runs", "steps at most", "s a step here (estimate)", "hours here"]
+    head = ["training", "runs", "steps at most", "s a step here", "hours here, as busy as now"]
     texts = [[format_number(h) if h >= 0.005 else "<0.01" for h in hours] for _, hours in rows]
     cells = [[*names, *text] for (names, _), text in zip(rows, texts, strict=True)]
     return TextTable([*head, *(f"hours on a {gpu}" for gpu in _GPUS)], cells)

@@ -63,7 +63,7 @@ def sensors(
             line = f"{name:<28} {sensor.title}"
             typer.echo(line if len(line) < shown.width else f"{line[: shown.width - 2]}…")
         return
-    told = "told from real frames, AUC"
+    told = "told from real frames, AUC, logistic / boosted"
     table = Table("sensor", "image", "focal px", "baseline", "description", told, box=None)
     for name, sensor in usable:
         image = sensor.rig.intrinsics

@@ -15,8 +15,8 @@ _INTRODUCTION = """\
 A sensor is a TOML file: a rig (intrinsics, lens, emitters) and a chain of [noise
 stages](stages.md). Every number names its source in a comment of the file. `glsim render face.obj
 --sensor my_sensor.toml` uses a file of your own; copy a shipped one to begin. The last
-column says how well a classifier (regression / trees) tells real frames from their replay; 0.5 is
-the goal.
+column says how well a classifier (logistic regression / boosted trees) tells real frames from
+their replay; 0.5 is the goal.
 
 """
 
@@ -32,7 +32,7 @@ def pages() -> dict[str, str]:
              f"{image.width}x{image.height}", f"{image.fx:g} px", baseline, told_apart(sensor)]
         )  # fmt: skip
     text = _INTRODUCTION + table(
-        ["sensor", "what it is", "image", "focal length", "baseline", "told from real frames, AUC"],
+        ["sensor", "what it is", "image", "focal length", "baseline", "AUC, logistic / boosted"],
         rows,
     )
     layout = (sensor_module.__doc__ or "").split("\n\n", 1)[1]
