@@ -107,8 +107,7 @@ class Recording:
             at = self.assumed_camera
             taken = taken or f"{self.assumed} (f {at.fx:.0f} px for {at.width}x{at.height})"
             remarks.append(
-                f"states no intrinsics: those of {taken} are taken; a camera.toml beside it states "
-                "them"
+                f"states no intrinsics: those of {taken} are taken; a camera.toml states them"
             )
         return f"{self.path}: {'; '.join(remarks)}" if remarks else ""
 
@@ -160,9 +159,9 @@ class Recording:
         return self.stated.distortion
 
     def read(self, most: int | None = None, focal_px: float | None = None) -> Frames:
-        """Read the frames into memory; ``note`` says how many of them.
+        """Read the frames into memory, without copies of the frame before; ``note`` says how many.
 
-        Raises DatasetError: a file cannot be read, sizes differ, or no pixel has depth.
+        Raises DatasetError: a file cannot be read, sizes differ, no depth, or all are copies.
 
         Args:
             most: largest number of frames; of a longer recording, evenly spread groups of four
@@ -180,10 +179,18 @@ class Recording:
                 check_sizes(pair, f"{where}: {frame.name}")
         if not any(frame.noisy_mm.any() for frame in frames):
             raise DatasetError(f"{where}: no pixel of any frame has depth (all are 0)")
+        whole = frames  # a frozen stream, or a recorder faster than its camera, repeats frames
+        pairs = pairwise(whole)
+        frames = whole[:1] + [b for a, b in pairs if not np.array_equal(a.noisy_mm, b.noisy_mm)]
+        if len(frames) == 1 < len(whole):
+            raise DatasetError(
+                f"{where}: the {len(whole)} frames read are copies: record a live stream"
+            )
         if focal_px is not None:
             camera = replace(frames[0].intrinsics, fx=focal_px, fy=focal_px)
             frames = [frame.changed(intrinsics=camera) for frame in frames]
         taken = f"{len(frames)} of {counted(len(self.frames), 'frame')}"
+        taken += ", without copies of the frame before" * (len(frames) < len(whole))
         return Frames.of(frames, self.path.name or where, taken)
 
     def read_static(self, most: int | None = MOST_STATIC, part: slice = slice(None)) -> Frames:
@@ -218,8 +225,7 @@ class Recording:
                 + (changes[0] if changes else f"{100 * share:.0f} % of the depths are at rest")
                 + f"): {advice}"
             )
-        note = f"{len(frames)} of {counted(len(self.frames), 'frame')}; "
-        note += f"{100 * share:.0f} % of the depths rest"
+        note = f"{frames.note}; {100 * share:.0f} % of the depths rest"
         frames = Frames.of(still, frames.title, note)
         lit = [frame for frame in frames if frame.infrared is not None]
         if len(lit) == len(frames) or not lit:
@@ -236,8 +242,7 @@ def check_least_size(shape: tuple[int, ...], where: object) -> None:
     """Raise DatasetError if an (H, W) depth map is too small to be measured."""
     if min(shape) < _LEAST_PX:
         raise DatasetError(
-            f"{where}: has {shape[1]} x {shape[0]} pixels: a depth frame has at least {_LEAST_PX} "
-            f"x {_LEAST_PX}"
+            f"{where}: has {shape[1]} x {shape[0]} pixels: a depth frame has at least {_LEAST_PX}"
         )
 
 

@@ -56,7 +56,7 @@ def test_planted_noise_is_measured() -> None:
 
 def test_a_recording_without_planes_is_refused(tmp_path: Path) -> None:
     bars = np.tile(np.array([900] * 30 + [0] * 10, np.uint16), (480, 16))
-    recording = open_maps(write_frames(tmp_path / "bars", np.stack([bars] * 2)))
+    recording = open_maps(write_frames(tmp_path / "bars", np.stack([bars, bars + bars // 900])))
     with pytest.raises(DatasetError, match="only 0 parts of 40x40 px full of depth"):
         fit_stereo(recording, "realsense-d435-vga", None, slice(None))
 
