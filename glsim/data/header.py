@@ -18,7 +18,7 @@ from glsim.core.files.contents import text_hash
 from glsim.core.files.listing import entries
 from glsim.core.files.regular import open_regular
 from glsim.core.files.store import Store
-from glsim.data.disk_format import COMPLETE, FORMAT, FORMAT_VERSION, HEADER, MANIFEST, STATE
+from glsim.data.disk_format import COMPLETE, FORMAT, HEADER, MANIFEST, STATE
 from glsim.data.map_files import READ_ONLY, SUFFIXES
 from glsim.data.record_schema import (
     MAX_HEADER_BYTES,
@@ -27,6 +27,7 @@ from glsim.data.record_schema import (
     parse_checksum,
     parse_frame,
     parse_header,
+    refuse_newer,
 )
 from glsim.data.recordings.streams import STREAMS
 
@@ -183,13 +184,8 @@ def _read_header(store: Store) -> tuple[dict[str, Any], bytes]:
     header = parse_json(data, where)
     if header.get("format") != FORMAT:
         raise DatasetError(f"{where}: is not the header of a glsim data set")
-    version = header.get("format_version", 0)
+    refuse_newer(header, where)
     del header  # a parsed header takes a hundred times its size on disk
-    if isinstance(version, int) and version > FORMAT_VERSION:
-        raise DatasetError(
-            f"{where}: format version {version} is newer than {FORMAT_VERSION}, "
-            "which this glsim reads: update glsim"
-        )
     return parse_header(data, f"{where}:"), data
 
 

@@ -15,6 +15,7 @@ from typing_extensions import TypedDict  # for pydantic before Python 3.12
 
 from glsim.core.errors import DatasetError
 from glsim.core.files.png import MAX_IMAGE_BYTES, MAX_SIDE_PX
+from glsim.data.disk_format import FORMAT_VERSION
 from glsim.settings.schema import DEPTH_UNIT_MM, LayerName
 
 #: Largest dataset.json, bytes: twice the size with the names of 100,000 subjects and the checksums
@@ -190,3 +191,13 @@ def parse_header(data: bytes, where: str) -> dict[str, Any]:
     if len(header["frames"]) != 3:
         raise DatasetError(f"{where} is damaged: frames: it lacks a split")
     return header
+
+
+def refuse_newer(header: Mapping[str, Any], where: str) -> None:
+    """Raise DatasetError for a header, or a plan, of a newer format than this glsim knows."""
+    version = header.get("format_version", 0)
+    if isinstance(version, int) and version > FORMAT_VERSION:
+        raise DatasetError(
+            f"{where}: format version {version} is newer than {FORMAT_VERSION}, which this glsim "
+            "reads and writes: update glsim"
+        )

@@ -99,6 +99,10 @@ def make_identity(
 
 def refuse_difference(out: str, begun: Mapping[str, Any], identity: Mapping[str, Any]) -> None:
     """Raise ConfigError if an entry of ``identity`` differs from the ``begun`` data set's."""
+    simulated, simulates = (bool(h.get("sensor", {}).get("stages")) for h in (begun, identity))
+    if simulated != simulates:
+        what = "a simulated data set" if simulated else "an imported recording"
+        raise ConfigError(f"{out} is {what}: choose a new folder")
     old, new = flattened(begun), flattened(json.loads(to_json(identity, out)))
     for name in new | old:
         compared = name.split(".")[0] in identity and name not in _FREE_SETTINGS

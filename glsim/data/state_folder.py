@@ -14,7 +14,7 @@ from glsim.core.files.atomic import parse_json, to_json
 from glsim.core.files.store import Store
 from glsim.data.chunks import Part
 from glsim.data.disk_format import COMPLETE, HEADER, STATE
-from glsim.data.record_schema import checksum_of, parse_frame
+from glsim.data.record_schema import checksum_of, parse_frame, refuse_newer
 from glsim.data.records import ChunkRecord, parse_chunk_record
 from glsim.data.run_identity import refuse_difference
 
@@ -125,19 +125,20 @@ class RunState:
     def begun(self) -> dict[str, Any] | None:
         """Read the identity from plan.json, or from the header if plan.json is gone or damaged.
 
-        Raises DatasetError for a damaged plan of a data set without a header.
+        Raises DatasetError for a newer format, and for damage that leaves neither.
         """
-        damage: DatasetError | None = None
+        found, damage = list[dict[str, Any]](), list[DatasetError]()
         for name in (PLAN, HEADER):
-            data = self.store.read(name, _MAX_BYTES)
-            if data is not None:
+            if (data := self.store.read(name, _MAX_BYTES)) is not None:
                 try:
-                    return parse_json(data, self.store.where(name))
+                    found.append(parse_json(data, self.store.where(name)))
                 except DatasetError as error:
-                    damage = damage or error
-        if damage is not None:
-            raise damage
-        return None
+                    damage.append(error)
+                else:
+                    refuse_newer(found[-1], self.store.where(name))
+        if damage and not found:
+            raise damage[0]
+        return found[0] if found else None
 
     def note_parts(self, parts: int, chunks: int) -> None:
         """Write the numbers of parts and of chunks, for ``missing_parts``."""

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from glsim.core.errors import ConfigError, DatasetError
-from glsim.data.run_identity import InputHashes
+from glsim.data.run_identity import InputHashes, refuse_difference
 from glsim.data.verification import verify
 from glsim.settings.schema import load_settings
 from tests.support.dataset_fakes import (
@@ -220,6 +220,8 @@ def test_another_data_set_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyP
             make(tmp_path, load_settings(overrides=changes))
     with pytest.raises(ConfigError, match="was begun with other faces: the files of a source"):
         make(tmp_path, tasks=[*make_tasks()[1:], replace(make_tasks()[0], device=7)])
+    with pytest.raises(ConfigError, match="out is a simulated data set: choose a new folder"):
+        refuse_difference("out", {"sensor": {"stages": ["tof_floor"]}}, {"sensor": {}})
     with pytest.raises(ConfigError, match='renderer = "fake renderer", not "another"'):
         make(tmp_path, renderer="another")
     with monkeypatch.context() as patch:
@@ -268,7 +270,11 @@ def test_a_damaged_plan_is_mended_from_the_header_or_one_clear_line(tmp_path: Pa
     plan.write_bytes(plan.read_bytes()[:-9])
     make(tmp_path)
     assert contents(tmp_path) == sound
-    (tmp_path / "dataset.json").unlink()
+    header = tmp_path / "dataset.json"
+    header.write_text(header.read_text().replace('"format_version": 1', '"format_version": 99'))
+    with pytest.raises(DatasetError, match="format version 99 is newer than 1"):
+        make(tmp_path)
+    header.unlink()
     plan.write_text("{")
     with pytest.raises(DatasetError, match=r"plan\.json: is damaged"):
         make(tmp_path)
