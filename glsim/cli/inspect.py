@@ -118,6 +118,7 @@ def _recording(path: Path, unit_mm: float | None, topic: str | None) -> Recordin
 
 def _camera(recording: Recording, unit_mm: float | None, topic: str | None) -> dict[str, Any]:
     """Return the stated camera of a recording, the most similar sensor, and a denoiser for it."""
+    from glsim.data.recordings.camera_file import StatedCamera
     from glsim.denoise.network_choice import choose_network, noise_of
 
     frame = recording.frames[0]
@@ -137,6 +138,7 @@ def _camera(recording: Recording, unit_mm: float | None, topic: str | None) -> d
         "height_px": height,
         "step_mm": frame.step_mm,
         "infrared": recording.has_infrared,
+        "stated_by": None if recording.stated == StatedCamera() else str(recording.stated_by),
         "intrinsics": None if recording.camera is None else asdict(recording.camera),
         "focal_px": frame.intrinsics.fx,
         "noise_mm": noise_of(recording.votes.maps_mm)[0] or None,
@@ -158,7 +160,8 @@ def _print_camera(content: dict[str, Any]) -> None:
     )
     like = content["sensor"] and f"like {content['sensor']}, because {content['because']}"
     by = "stated" if content["intrinsics"] else "assumed"
-    camera = like or "not recognised: state it in a camera.toml"
+    own = content["stated_by"] and f"like none shipped, stated by {content['stated_by']}"
+    camera = like or own or "not recognised: state it in a camera.toml"
     out.print(f"camera: {camera}; f {content['focal_px']:.0f} px ({by})")
     if content["noise_mm"]:
         out.print(f"noise: {content['noise_mm']:.2g} mm between neighbours")

@@ -45,7 +45,7 @@ from glsim.data.recordings.folders import (
     unread_cameras,
     whole_recording,
 )
-from glsim.data.recordings.names import DepthKind, infrared_files, left_out_text, other_kind
+from glsim.data.recordings.names import DepthKind, infrared_files, note_of_others, other_kind
 from glsim.data.recordings.streams import STREAMS, FrameStream, parts_of
 
 #: Suffix of a packed file -> advice how to unpack it.
@@ -150,10 +150,11 @@ def open_maps(
     if len(given) == 1 and is_dataset(texts[0]):
         return _data_set(texts[0], kind)
     existing = [path for path in given if path.exists()]
-    if whole := whole_recording(existing):
-        return _stream_recording(whole, kind, unit_mm, mirror, infrared, topic)
-    if topic is not None:
+    whole = whole_recording(existing)
+    if topic is not None and (whole is None or STREAMS.get(whole.suffix.lower()) == "mkv"):
         raise ConfigError(f"--topic {topic}: {given[0]} is no bag")
+    if whole:
+        return _stream_recording(whole, kind, unit_mm, mirror, infrared, topic)
     maps = _FileList(kind, below)
     for text in texts:
         maps.add(text)
@@ -162,6 +163,8 @@ def open_maps(
     cameras = maps.checked_cameras(reader.votes.maps_mm[0].shape, needs_camera, along_rays, mirror)
     stated, notes = cameras[maps.files[0].parent], maps.notes + reader.notes
     loader = _Loader(reader, kind, mirror, cameras, maps.records, needs_camera=needs_camera)
+    if others := reader.layers - {"", kind}:
+        notes += (f"states the layer {' and '.join(sorted(others))}, taken for {kind}",)
     if reader.ray_channel and not stated.along_ray:
         notes += (
             f"channel {reader.ray_channel} is the distance along the ray: along_ray = true in a "
@@ -230,7 +233,7 @@ class _FileList:
                 raise NoDepthError(f"{text}: no such file or folder")
             others = Counter(filter(None, (other_kind(f.name, self._kind) for f, _ in named)))
             if others:
-                self.notes += (f"taken for depth as named: {left_out_text(others)}",)
+                self.notes += (note_of_others(others, text),)
         self._named += named
 
     def find_cameras(self, given: Sequence[Path], crops: bool) -> None:
@@ -415,8 +418,6 @@ def _open_stream(path: Path, topic: str | None) -> FrameStream:
         from glsim.data.recordings.bag import BagStream
 
         return BagStream(path, topic)
-    if topic is not None:
-        raise ConfigError(f"--topic {topic}: {path} is no bag")
     from glsim.data.recordings.mkv import MkvStream
 
     return MkvStream(path)

@@ -36,7 +36,12 @@ def test_a_png_states_its_step_and_is_a_plain_png_to_others(tmp_path: Path) -> N
     for given, words in ((1.0, r"b\.png states steps of 0\.1 mm"), (None, "some state none")):
         with pytest.raises(ConfigError, match=words):
             open_maps([stated] if given else [plain, stated], unit_mm=given)
-    assert "as named: 1 *_ir.png" in open_maps(plain.rename(tmp_path / "a_ir.png")).notes[0]
+    plain = plain.rename(tmp_path / "a_rgb.png")
+    assert "as named: 1 *_rgb.png" in open_maps(plain).notes[0]
+    plain.write_bytes(encode_png(np.full((8, 8), 900, np.uint16), layer="clean"))
+    assert "states the layer clean, taken for noisy" in open_maps(plain).notes
+    with pytest.raises(ConfigError, match=r"named as infrared, not depth: 1 \*_ir\.png"):
+        open_maps(plain.rename(tmp_path / "a_ir.png"))
     np.testing.assert_allclose(read_map_mm(stated, 0.1), DEPTH_MM, atol=0.051)
 
 

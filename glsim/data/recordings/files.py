@@ -73,6 +73,7 @@ class MapFiles:
 
     Attributes:
         step_mm: step of integers; the largest step if each PNG file states its own.
+        layers: layers that sampled PNG files of glsim state; "" for one that states none.
         ray_channel: OpenEXR channel with distances along rays; "" if the files have depths.
     """
 
@@ -98,6 +99,7 @@ class MapFiles:
         for place in self.places:
             folders.setdefault(place.file.parent, []).append(place)
         voters = _voters([*folders.values()])
+        self.layers = {stated_text(place.file, LAYER_KEYWORD) for place in voters}
         named = {stated_unit_mm(place.file, inside=place.inside) for place in voters}
         #: Whether each PNG file has its own step: no camera.toml and no data set states one.
         self._each_states = stated_mm is None and named != {None}

@@ -64,6 +64,14 @@ def left_out_text(others: Counter[str]) -> str:
     return ", ".join(f"{count} {name}" for name, count in sorted(others.items()))
 
 
+def note_of_others(others: Counter[str], given: Path | str) -> str:
+    """Say which given files count as depth despite their names. Raises ConfigError for infrared."""
+    text = left_out_text(others)
+    if any(map(is_infrared, others)):
+        raise ConfigError(f"{given}: named as infrared, not depth: {text}: give the depth maps")
+    return f"taken for depth as named: {text}"
+
+
 def infrared_beside(depth_file: Path) -> Path | None:
     """Return the infrared image beside a depth file, or in a folder ``ir`` beside ``depth``."""
     stem, suffix = depth_file.stem, depth_file.suffix
