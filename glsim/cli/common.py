@@ -255,7 +255,13 @@ def _option_advice(error: typer.TyperException, arguments: list[str]) -> str | N
     command = getattr(context, "info_name", "")
     option = getattr(error, "option_name", "")
     known = [name for param in context.command.params for name in param.opts] if context else []
-    extra = re.search(r"extra argument\S* \((\S+)\)", str(error))
+    extra = re.search(r"extra argument\S* \(([^\s)]+)", str(error))
+    param = getattr(error, "param", None)
+    if param is not None and param.nargs > 1:
+        return f"{param.opts[0]}: give {param.nargs} numbers, {param.metavar}"
+    broken = extra and rf"\S*[\[{{][^\s\]}}]* {re.escape(extra[1])}"
+    if broken and (split := re.search(broken, " ".join(arguments))):
+        return f"{split[0]}: the shell splits this value: quote all of it, '...'"
     if extra and command == "generate":
         return f"{extra[1]}: to name the folder of the data set, give -o {extra[1]}"
     if longer := [name for name in known if len(option) > 2 and name.startswith(option)]:

@@ -28,7 +28,7 @@ def corrupt(
     sensor: SensorOption = None,
     assignments: SetOption = None,
     seed: int | None = None,
-    depth_unit_mm: Annotated[float | None, typer.Option(min=0.01, max=10)] = None,
+    depth_unit_mm: float | None = None,
     topic: str | None = None,
     focal_px: str | None = None,
     centre_px: str | None = None,
@@ -66,6 +66,8 @@ def corrupt(
     for text in assignments or []:
         if text.startswith(("pose.", "scene.", "source.", "appearance.", "motion.", "variation.")):
             raise ConfigError(f"--set {text}: has no effect on depth maps, which show their scene")
+    if depth_unit_mm is not None and not 0.01 <= depth_unit_mm <= 10:
+        raise ConfigError(f"--depth-unit-mm {depth_unit_mm:g}: give a step of 0.01 to 10 mm, in mm")
     over = overrides(sensor=sensor, seed=seed, output__depth_unit_mm=depth_unit_mm)
     settings = load_settings(config, assignments or [], over)
     given_mm = settings.output.depth_unit_mm

@@ -5,6 +5,7 @@ Settings (``schema``), sensors, recipes and plans each have their own model.
 
 from __future__ import annotations
 
+import errno
 import json
 import math
 import re
@@ -45,10 +46,10 @@ def read_toml(file: Path) -> dict[str, Any]:
             if re.match(r'[^#"]*"[A-Za-z]:\\(?!\\)', written):
                 raise ConfigError(f"{file}: line {number}: {_BACKSLASH}")
         return tomllib.loads(text)
-    except FileNotFoundError:
-        raise ConfigError(f"{file}: no such file") from None
     except OSError as error:
-        raise ConfigError(f"{file}: {error.strerror or error}") from None
+        known = {errno.ENOENT: "no such file", errno.EISDIR: "is a folder: give a .toml file"}
+        reason = known.get(error.errno or 0) or error.strerror or error
+        raise ConfigError(f"{file}: {reason}") from None
     except RecursionError:
         raise ConfigError(f"{file}: is nested too deeply") from None
     except UnicodeDecodeError as error:
@@ -156,6 +157,8 @@ def first_problem(model: type[BaseModel], error: ValidationError) -> tuple[list[
         known = [n.split(".")[-1] for n in elsewhere if n.split(".")[:-1] == tables]
         known = problem.get("ctx", {}).get("known") or known
         advice = did_you_mean(path[-1], known, name.removesuffix(path[-1]), elsewhere)
+        if "stage" in known and ("." in path[-1] or isinstance(problem["input"], Mapping)):
+            advice += "; names have no dots: tables nest, those of stages in the table stage"
         return path, f"{_NO_SETTING} {name!r} ({advice})"
     text, value = _text(problem), problem.get("input")
     if isinstance(value, str | int | float) and problem["type"] != "literal_error":

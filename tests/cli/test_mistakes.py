@@ -183,19 +183,24 @@ def test_an_output_that_must_not_be_written(
 
 
 @pytest.mark.parametrize(
-    ("line", "assignment"),
+    ("line", "advice"),
     [
-        ("generate --crop 128 -o new", "output.crop=128"),
-        ("generate -o new --depth-unit-mm=.1", "output.depth_unit_mm=.1"),
-        ("generate -o new --yaw-deg", "pose.yaw_deg=VALUE"),
-        ("render face.obj --format webdataset", "output.format=webdataset"),
+        ("generate --crop 128 -o new", "is a setting: --set output.crop=128"),
+        ("generate -o new --depth-unit-mm=.1", "is a setting: --set output.depth_unit_mm=.1"),
+        ("generate -o new --yaw-deg", "is a setting: --set pose.yaw_deg=VALUE"),
+        ("render face.obj --format webdataset", "is a setting: --set output.format=webdataset"),
+        (
+            "generate --set pose.yaw_deg={ uniform=[1,2]}",
+            "splits this value: quote all of it, '...'",
+        ),
+        ("inspect faces --rotation-deg 10 -o new", "--rotation-deg: give 3 numbers, X Y Z"),
     ],
 )
-def test_settings_that_are_given_as_options_are_named(
-    line: str, assignment: str, capsys: pytest.CaptureFixture[str]
+def test_options_that_are_settings_or_broken_say_what_to_write(
+    line: str, advice: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(shlex.split(line)) == 2
-    assert f"is a setting: --set {assignment} (see --help)" in capsys.readouterr().err
+    assert f"{advice} (see --help)" in capsys.readouterr().err
 
 
 def test_mistakes_are_single_lines_in_an_ascii_terminal(folder: Path) -> None:

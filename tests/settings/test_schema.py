@@ -136,15 +136,20 @@ def test_a_bad_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"none\.toml: no such file"):
         load_settings(tmp_path / "none.toml")
     bad = tmp_path / "bad.toml"
-    bad.write_text("seed = = 1")
-    with pytest.raises(ConfigError, match=r"bad\.toml: .*line 1"):
-        load_settings(bad)
-    bad.write_bytes(b"\xff")
-    with pytest.raises(ConfigError, match=r"bad\.toml: .*no UTF-8 text"):
-        load_settings(bad)
-    bad.write_text("[pose]\nyaw = 1")
-    with pytest.raises(ConfigError, match=r"bad\.toml: no such setting 'pose.yaw'"):
-        load_settings(bad)
+    for text, message in (
+        (b"seed = = 1", ".*line 1"),
+        (b"\xff", ".*no UTF-8 text"),
+        (b"[pose]\nyaw = 1", "no such setting 'pose.yaw'"),
+        (
+            b"[stripe]\nheight_mm = 5",
+            "no such setting 'stripe' .* those of stages in the table stage",
+        ),
+    ):
+        bad.write_bytes(text)
+        with pytest.raises(ConfigError, match=rf"bad\.toml: {message}"):
+            load_settings(bad)
+    with pytest.raises(ConfigError, match=r"is a folder: give a \.toml file"):
+        load_settings(tmp_path)
 
 
 def test_the_shipped_presets_load_and_have_a_title() -> None:

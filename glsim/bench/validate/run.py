@@ -82,8 +82,8 @@ def _sheet_of(sensor: Sensor) -> ValidationSheet:
     if other := sensor.sheet:
         raise ConfigError(f"{sensor.file}: no sheet {other!r} ({did_you_mean(other, known)})")
     raise ConfigError(
-        f"{sensor.name}: no published measure of this camera is known; a sensor file names the "
-        f'sheet of a camera alike: sheet = "NAME", one of {", ".join(known)}'
+        f"{sensor.name}: names no published measure: in the file of a camera alike, write sheet = "
+        f'"NAME", one of {", ".join(known)}; in a copy of a shipped sensor, remove its #'
     )
 
 
