@@ -51,8 +51,7 @@ def compare(
     Args:
         first: A data set of glsim, or a recording of a depth camera (folder or file).
         second: The same, real or simulated.
-        replay_sensor: In place of SIMULATED: render the surfaces of REAL through this sensor.
-            Default: none.
+        replay_sensor: In place of SIMULATED: REAL's surfaces through this sensor. Default: none.
         assignments: Set a parameter of that sensor. Repeatable.
         out: Write the table as Markdown. Default: print it.
         frames: Number of frames of each set; of larger sets, evenly spread frames are used.

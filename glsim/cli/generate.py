@@ -71,8 +71,7 @@ def generate(
         subjects: Number of people. Default: all of a folder, else 10.
         frames_per_subject: Frames per person; a folder's meshes are used again, with other
             noise, and other poses if settings draw them. Default: all of a folder, else 30.
-        plan: Print the number of images, and size and time measured on a dozen of them; write
-            nothing.
+        plan: Print the number of images, their size and time by a dozen of them; write nothing.
         part: Make part I of N (from 0, or from 1 to N), as one of N jobs with the same options;
             the last part to end merges all. Default: the whole data set.
         ray: Render on a cluster of Ray: auto, HOST:6379, or local (needs the extra ray).

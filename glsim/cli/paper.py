@@ -96,12 +96,10 @@ def tables(
 ) -> None:
     """Write the paper's tables with our values added, and all files of glsim eval.
 
-    Nothing is trained: tables 2 and 3 contain the networks in --runs and list the rows that are
-    missing there.
+    Nothing is trained: tables 2 and 3 contain the networks in --runs and list missing rows.
 
     Args:
-        table: Table of the paper: 1 (filters), 2 or 3 (networks); 4: published rivals and ours.
-            Repeatable.
+        table: Table of the paper: 1 (filters), 2, 3 (networks), 4 (published rivals). Repeatable.
     """
     from glsim.core.depth_protocol import check_protocol
     from glsim.eval.paper.score_tables import score_tables

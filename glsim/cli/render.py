@@ -44,8 +44,7 @@ def render(
         out: Folder for the images.
         crop: Side of the centre crop, pixels. Default: the whole image.
         depth_unit_mm: Step of the depth files, mm. Default: 1.
-        unit: Unit of the mesh file: mm, cm, dm, m, foot, inch, or its length in mm; overrides
-            detection.
+        unit: Unit of the mesh: mm, cm, dm, m, foot, inch, or its length in mm; else detected.
         axes: File axes that become x, y, z, such as +x+y+z; overrides detection.
     """
     from glsim.core.files.png import write_picture

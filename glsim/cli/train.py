@@ -17,8 +17,7 @@ from glsim.core.errors import ConfigError, counted, require_package
 if TYPE_CHECKING:
     from glsim.train.loop import StepStatus
 
-#: Seconds between the first lines of a log; they grow to 10 minutes in an hour. Chosen, not
-#: measured.
+#: Seconds between the first lines of a log; they grow to 10 minutes in an hour. Chosen.
 _LINE_S = 10.0
 #: Metrics of a validation that are printed, by their names in metrics.csv.
 _METRICS = (
@@ -48,13 +47,11 @@ def train(
         data: A data set of glsim generate: a folder, or a URL such as s3://bucket/faces.
             Repeatable; data sets are joined.
         simulate: Render pairs during training instead of reading a data set.
-        minutes: Training time, minutes, including earlier runs that are resumed. Default: the
-            recipe's.
+        minutes: Training time, minutes, with resumed earlier runs. Default: the recipe's.
         steps: Number of steps. Default: the recipe's.
         start: Start from the weights of a checkpoint, an ONNX file or a shipped network (face);
             weights of further inputs start at 0. Default: random weights.
-        assignment: Override the recipe, such as optimiser.lr=1e-3 or training.max_epochs=20.
-            Repeatable.
+        assignment: Override the recipe, such as optimiser.lr=1e-3. Repeatable.
         resume: Continue the training in the folder, if there is one, with all --set and options of
             its recipe that it was begun with.
         out: Folder of the run. Default: runs/RECIPE.

@@ -121,8 +121,7 @@ def image_window(
 ) -> Rect:
     """Compute the window of the image that a mesh can touch, with a margin.
 
-    If the mesh crosses the near plane, it is the whole image. Raises MeshError if the mesh is
-    not in the image.
+    The whole image if the mesh crosses the near plane. Raises MeshError if none is in the image.
 
     Args:
         corners_m: (8, 3) corners of the mesh's bounding box, camera frame.

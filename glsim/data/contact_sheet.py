@@ -117,8 +117,7 @@ _GALLERY_COLUMNS, _GALLERY_PX = 4, 240
 def contact_sheet(frames: Sequence[DepthFrame], title: str) -> Picture:
     """Draw one ``frame_row`` per frame, with a title, headings, and a legend of the colours.
 
-    More than four frames are drawn in up to three columns of small cells. Either all frames or none
-    have clean maps.
+    Above four, frames are small, in up to three columns. All frames or none have clean maps.
     """
     columns = min(_SHEET_COLUMNS, -(-len(frames) // _SHEET_ROWS))
     side = _WIDE_PX if columns == 1 else _NARROW_PX

@@ -241,8 +241,7 @@ def _checked(values: NDArray[Any], path: Path, axes: int, infrared: bool = False
     if values.ndim != axes or 0 in shape or not known or (axes == 3 and shape[-1] <= 4):
         raise DatasetError(
             f"{path}: is {shape[1:] if axes == 3 and shape[0] == 1 else shape} {values.dtype}: a "
-            "depth map is (H, W), a stack of frames is (T, H, W), 16-bit whole numbers or float "
-            "metres"
+            "depth map is (H, W), a stack (T, H, W), 16-bit whole numbers or float metres"
         )
     if shape[-1] * shape[-2] > MAX_MAP_PX:
         raise DatasetError(f"{path}: has more than {MAX_MAP_PX} pixels")

@@ -96,8 +96,7 @@ class MapWriter:
             skipped: called with the reason for each frame that cannot be read.
 
         Returns the number of frames that could not be read. Raises DatasetError: the only frame
-        cannot be read, or a file cannot be written; DepthRangeError: a depth is beyond 16 bits of
-        the given step.
+        cannot be read, or a file cannot be written; DepthRangeError: a depth beyond 16 bits.
         """
         alone, failures = len(self.targets) == 1, 0
         for number, target in enumerate(self.targets):

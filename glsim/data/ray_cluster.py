@@ -129,8 +129,7 @@ class ClusterLostError(DatasetError):
 def _lost(what: str, error: Exception) -> ClusterLostError:
     why = " ".join(str(getattr(error, "strerror", None) or error).split())[:200]
     return ClusterLostError(
-        f"{what} ({why}): what is complete is kept: start the cluster again, then run the same "
-        "command"
+        f"{what} ({why}): what is complete is kept: restart the cluster, then run the same command"
     )
 
 

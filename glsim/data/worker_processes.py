@@ -56,8 +56,7 @@ _AFTER_HASWELL = ("AVX512", "X86_V4")
 def portable_environment() -> dict[str, str]:
     """Return the variables that make workers compute alike on x86-64 processors since 2013.
 
-    Without them NumPy and llvmpipe choose their code by the processor. Empty if unnecessary, and on
-    other processors.
+    Without them NumPy and llvmpipe choose code by the processor. Empty if unneeded, and elsewhere.
     """
     if platform.machine() not in ("x86_64", "AMD64"):
         return {}

@@ -212,8 +212,7 @@ def _from_file(path: Path, label: str, options: NetworkOptions) -> tuple[DepthFu
     """Load a network from an ONNX file, or, if PyTorch is installed, from a checkpoint."""
     if not path.exists():
         raise DenoiserError(
-            f"{path}: no such file: give the best.pt of a run of glsim train, or an ONNX file of "
-            "glsim export"
+            f"{path}: no such file: give best.pt of glsim train, or an ONNX file of glsim export"
         )
     if path.suffix == ONNX_SUFFIX:
         network = load_onnx(path, options.min_probability)

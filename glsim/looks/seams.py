@@ -25,8 +25,7 @@ def sewn(
 
     Returns:
         Points (M, 3), mm; triangles; for each point its point of the grid; and offsets (M, 3), mm,
-        that turn with the skull: a standing collar follows the head, because a dropping jaw pulls
-        the skin.
+        that turn with the skull: a standing collar follows the head, not the dropping jaw's skin.
     """
     faces = piece.grid.faces
     sides = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)

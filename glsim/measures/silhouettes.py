@@ -3,8 +3,7 @@
 A run is five or more pixels of a row with depth, each near its neighbour. If the ends of two
 successive runs differ by more than 100 mm, the nearer run is the foreground, and the pixels between
 the runs are the gap. "right" and "left" give the side of the foreground on which the gap lies. The
-emitter's shadow is S = f (1/z_front - 1/z_back) B px wide for a baseline of B m. It widens the gaps
-of one side.
+emitter's shadow, S = f (1/z_front - 1/z_back) B px for a baseline of B m, widens one side's gaps.
 """
 
 from __future__ import annotations

@@ -73,8 +73,7 @@ def mask_moving(frames: Sequence[DepthFrame]) -> tuple[list[DepthFrame], float]:
     """Remove the depth of what moves, and of its surroundings, from frames of one camera at rest.
 
     A pixel is still while it keeps to its median depth over time, within noise. A pixel that drifts
-    more slowly than noise, as on a person who sits, is never still. Also returns the share of
-    depths that stay.
+    more slowly than noise, as on a person who sits, is never still. Also returns the share kept.
     """
     depth = np.stack([frame.measured_mm for frame in frames])
     known = np.isfinite(depth)

@@ -30,8 +30,7 @@ def measure_invalid(frames: Sequence[DepthFrame]) -> tuple[tuple[float, float, f
 def measure_isolated(frames: Sequence[DepthFrame]) -> tuple[float, float]:
     """Compute the shares of all pixels that are single holes, and single depths.
 
-    Of the eight neighbours of a single hole at least seven have depth; of those of a single depth
-    at most one has.
+    Of a single hole's eight neighbours at least seven have depth; of a single depth's at most one.
     """
     ring = np.ones((3, 3), np.float32) - np.pad(np.ones((1, 1), np.float32), 1)
     counts = np.zeros(3)

@@ -90,8 +90,7 @@ class StageLayers:
 
     By default a texture returns to its pool when no later stage can read it. With ``kept`` the
     textures stay for the next run over the same rendering, which draws only the stages whose inputs
-    differ. A kept texture is reused only after a run that did not need it, so that no kept stage
-    can have read it.
+    differ. A kept texture is reused only after a run without it: no kept stage has read it.
     """
 
     def __init__(self, *, kept: bool = False) -> None:

@@ -78,8 +78,7 @@ def _check_triangulation(stages: Sequence[Stage], rig: SensorRig, where: str) ->
     if matches and (imagers == 0 or imagers + emitters < 2):
         raise ConfigError(
             f"{where}: stage {MATCHER!r} matches two views, but the rig has {imagers} imagers and "
-            f"{emitters} emitters: give it a second one under [[rig.imager]], or a projector under "
-            "[[rig.emitter]]"
+            f"{emitters} emitters: give it a second [[rig.imager]], or a projector, [[rig.emitter]]"
         )
     if not imagers:
         return

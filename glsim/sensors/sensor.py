@@ -415,8 +415,7 @@ def _image_file(
         return None
     if not any(s.spec.source and layer in s.spec.source.reads for s in stages):
         raise ConfigError(
-            f"{file}: rig.{key} is given, but no stage reads it: add the stage {adding}, or leave "
-            "it out"
+            f"{file}: rig.{key} is read by no stage: add stage {adding}, or leave it out"
         )
     return file.parent / name
 

@@ -116,8 +116,7 @@ class DepthNoise:
             sensor: gives noise, emitters and clip planes; the camera replaces its intrinsics.
             width, height, fx, fy, cx, cy: the simulator's pinhole camera, pixels.
             first_pixel: coordinate of the first pixel's centre in the convention of cx and cy: 0.5
-                if the image reaches from 0 to its width (cx = width / 2 is the middle), 0 as in
-                OpenCV and ROS.
+                if the image reaches from 0 to its width (cx = width / 2: the middle), 0 in ROS.
 
         Raises ConfigError: the camera or an option is wrong.
         """

@@ -156,7 +156,7 @@ def test_two_cameras_are_said_and_chosen(tmp_path: Path, capfd: pytest.CaptureFi
     assert main(["import", "kinect2", str(file), "-o", str(data)]) == 0
     said = capfd.readouterr().err.splitlines()[-1]
     assert "that of /back/depth/image_raw; --topic chooses /left/depth/image_raw" in said
-    assert said.endswith(" px for 64x48) are taken; a camera.toml beside it states them")
+    assert said.endswith(" px for 64x48) are taken; a camera.toml states them")
     notes = json.loads((data / "manifest.jsonl").read_text())["notes"]
     assert notes["intrinsics_assumed"] == "kinect-v2"
     other = ["--topic", "/left/depth/image_raw"]

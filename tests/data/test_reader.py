@@ -139,9 +139,6 @@ def test_bad_images(tree: Path, shards: Path) -> None:
         _ = pair_of(shards, frame=19).noisy_mm
 
 
-# ------------------------------------------------------------------------------------ verify
-
-
 def flip(path: Path, position: int = -30) -> None:
     data = bytearray(path.read_bytes())
     data[position] ^= 1

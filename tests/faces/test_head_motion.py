@@ -65,9 +65,6 @@ def test_angles_turn_the_head_about_the_neck() -> None:
     assert move_pose(POSE, {}) == POSE
 
 
-# --- in the pipeline -----------------------------------------------------------------------------
-
-
 def frames(
     context: Context, source: object, chosen: slice = slice(None), **pose: object
 ) -> list[Frame]:

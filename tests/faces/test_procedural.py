@@ -90,9 +90,6 @@ def mirror_pairs() -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return face[here], face[there]
 
 
-# --- the interface -------------------------------------------------------------------------------
-
-
 def test_subjects_and_frames_need_a_number(source: ProceduralFaces) -> None:
     assert source.subjects(2) == ["p0000", "p0001"]
     with pytest.raises(ConfigError, match=r"set source\.subjects"):
@@ -141,9 +138,6 @@ def test_meshes_are_what_the_renderer_wants(source: ProceduralFaces) -> None:
     assert mesh.albedo[MODEL.in_regions("pupil")].max() < 0.15
 
 
-# --- the shape -----------------------------------------------------------------------------------
-
-
 def test_surface_is_manifold_and_symmetric() -> None:
     """Every directed edge once; open only at the end of the bust and at hidden rims."""
     faces = MODEL.triangles
@@ -174,9 +168,6 @@ def test_people_face_outwards_with_short_edges_and_no_folds(
     skin = smooth[faces].all(axis=1)
     turned = np.sum(cross(MODEL.template_mm, faces[skin]) * normals[skin], axis=1)
     assert (turned < 0).mean() < 0.002
-
-
-# --- identity ------------------------------------------------------------------------------------
 
 
 def test_parameters_stay_in_their_ranges_and_go_together() -> None:
@@ -260,9 +251,6 @@ def test_asymmetry_is_smooth_antisymmetric_and_a_function_of_the_subject() -> No
     assert (step < 0.25 * apart + 0.3).all(), "no folds, also where rigid eyes and ears begin"
 
 
-# --- expressions ---------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("unit", MODEL.units)
 def test_units_act_where_they_should_on_both_sides(unit: str, mean: HeadSubject) -> None:
     rest, acted, left = (mean.frame(e) for e in ({}, {unit: 1.0}, {f"{unit}_L": 1.0}))
@@ -302,9 +290,6 @@ def test_lids_close_over_the_globe(subject: str) -> None:
     assert middle.mean() > 0.6
     assert (shut[upper, 1] - shut[lower, 1]).max() < 0.1
     assert np.array_equal(rest[EYEBALL], shut[EYEBALL])
-
-
-# --- landmarks -----------------------------------------------------------------------------------
 
 
 def test_landmarks_are_68_vertices_of_the_skin_mirrored_on_their_regions(

@@ -107,7 +107,7 @@ def test_maps_that_cannot_serve(tmp_path: Path) -> None:
     refused("has infinite values", np.full(SHAPE, np.inf, np.float32))
     refused("errors of up to 900 mm, the limit is 20: give mm", np.full(SHAPE, 900.0))
     refused("must be one array of floats", np.zeros(SHAPE, np.uint8))
-    refused("no stage reads it: add the stage 'fixed_pattern'", a_map(), 'use = "gaussian"')
+    refused("is read by no stage: add stage 'fixed_pattern'", a_map(), 'use = "gaussian"')
     (tmp_path / "own.npy").write_bytes(b"no array")
     with pytest.raises(ConfigError, match=r"own.npy: cannot be read: is no whole .npy file"):
         load_sensor(sensor_file(tmp_path, None))
@@ -267,7 +267,7 @@ def test_rigs_that_cannot_throw_an_image(tmp_path: Path) -> None:
     file = tmp_path / "other.toml"
     for sensor in ("ideal", "realsense-d405", "kinect-v1"):
         file.write_text(f'extends = "{sensor}"\ntitle = "own"\n[rig]\n{pattern}')
-        with pytest.raises(ConfigError, match="no stage reads it: add the stage 'stereo_light'"):
+        with pytest.raises(ConfigError, match="is read by no stage: add stage 'stereo_light'"):
             load_sensor(str(file))
     for view, words in (
         ("", "needs the field of view"),

@@ -78,8 +78,7 @@ def checked_split(
         where = f"{dataset}: {pair.name} is {width} x {height} pixels"
         if crop is None and size != first:
             raise DatasetError(
-                f"{where}, frames before it {first[1]} x {first[0]}: a batch needs one size: give "
-                "a crop"
+                f"{where}, frames before it {first[1]} x {first[0]}: a batch needs one size: crop"
             )
         if crop is not None and size != (crop, crop) and (min(size) < crop or cut == "no"):
             raise DatasetError(

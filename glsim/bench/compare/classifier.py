@@ -75,8 +75,7 @@ def tell_apart(
 ) -> Verdict:  # fmt: skip
     """Train a classifier to distinguish the patches of two sets; its verdict is reproducible.
 
-    Views are the view numbers of frames; those of a static recording are equal. Default: all
-    differ.
+    Views are the view numbers of frames, equal in a static recording. Default: all differ.
     """
     a, b = _matched(first.matched, second.matched)
     if min(len(a), len(b)) < LEAST_PATCHES:

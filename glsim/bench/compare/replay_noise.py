@@ -51,8 +51,7 @@ class ReplayNoise:
     """Noise of a camera, and the smoothing of surfaces that follows from it.
 
     Attributes:
-        half_px: distance at which the correlation of the noise is one half; NaN if the user gives
-            the smoothing.
+        half_px: distance at which the noise's correlation is one half; NaN for a given smoothing.
         scales_px: standard deviations of the smoothing windows, finest first.
         at: (N,) middle of each class: infrared in counts, or depth in mm.
         energy_mm2: (N, bands) variance of the noise in each band; empty with too few pixels.
@@ -109,8 +108,7 @@ def measure_replay_noise(frames: Sequence[DepthFrame], smooth_px: float | None) 
 def half_distance_px(frames: Sequence[DepthFrame]) -> float:
     """Measure the distance at which the correlation of the noise is one half, px; 1.5 if unknown.
 
-    The correlation that a quadric leaves in a tile is compared with that of Gaussian noise of known
-    half distances.
+    The correlation left by a quadric in a tile is compared with that of known Gaussian noise.
     """
     for side in _TILES_PX:
         tiles = np.concatenate([_tiles(frame.measured_mm, side) for frame in frames])

@@ -85,8 +85,7 @@ def find_surfaces(
         depth_mm: (H, W) mm, NaN where there is no depth.
         scales_px: standard deviations of the Gaussian windows of the smoothing, finest first.
         widest_hole_px: widest hole within a surface to close.
-        noise_mm2: (bands, H, W) variance of the noise in each band, mm^2; relief above it stays.
-            None: no relief.
+        noise_mm2: (bands, H, W) variance of noise, mm^2; relief above it stays. None: no relief.
     """
     smooth = smooth_surfaces(depth_mm, scales_px)
     label, front = smooth.label, smooth.widest_mm
@@ -140,9 +139,6 @@ def _triangles(depth: Array, label: Labels | None) -> tuple[Labels, NDArray[np.i
         joined |= (of[:, 0] == of[:, 1]) & (of[:, 1] == of[:, 2])
     used, faces = np.unique(corners[np.isfinite(low) & joined], return_inverse=True)
     return used, faces.reshape(-1, 3).astype(np.int32)
-
-
-# --- surfaces and their smoothing ---------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,9 +275,6 @@ def _add_scattered(depth_mm: NDArray[np.float32], label: Labels, front_mm: Array
     found &= spread < _ONE_WALL * mean
     front_mm[found] = MM_PER_M / mean[found]
     label[found] = label.max(initial=0) + 1
-
-
-# --- gaps ---------------------------------------------------------------------------------------
 
 
 def _fill_rows(z: Array, label: Labels, light_from: Labels, widest_hole_px: int) -> None:

@@ -69,8 +69,7 @@ def recording_camera(
         fx, fy = known[0].fx, known[0].fy
     if min(fx, fy) < 1:
         raise ConfigError(
-            f"the frames are {size[0]}x{size[1]}, the base sensor's {own.width}x{own.height}: "
-            "give --focal-px"
+            f"the frames are {size[0]}x{size[1]}, base {own.width}x{own.height}: give --focal-px"
         )
     cx, cy = (known[0].cx, known[0].cy) if known else (size[0] / 2, size[1] / 2)
     return Intrinsics(*size, fx, fy, cx, cy)

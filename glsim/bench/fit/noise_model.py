@@ -31,8 +31,7 @@ _LAG_PX = 4
 _LEAST_FACING = 0.5
 #: Smallest amplitude in a fit. Measured: below it, phase noise is not Gaussian as in the model.
 _LEAST_AMPLITUDE = 15.0
-#: Derived: factor by which libfreenect2's 3 x 3 filter reduces noise, and variance that rounding
-#: adds to a tap.
+#: Derived: factor by which libfreenect2's 3 x 3 filter reduces noise; a tap's rounding variance.
 FILTER_GAIN = 2.99
 _TAP_ROUNDING_LSB2 = 1.0 / 12.0
 #: Smooth pixels above this quantile of light are bright surfaces.

@@ -171,8 +171,7 @@ class CloudStore(Store):
         size = self.size(name)
         if size is not None and size > limit:
             raise DatasetError(
-                f"{self.where(name)}: {size / 1e6:.0f} MB are more than the {limit / 1e6:.3g} "
-                "allowed"
+                f"{self.where(name)}: {size / 1e6:.0f} MB are above the {limit / 1e6:.3g} allowed"
             )
         return None if size is None else self.read_range(name, 0, size)
 

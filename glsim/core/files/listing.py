@@ -64,8 +64,7 @@ def check_number(folder: Path, count: int) -> None:
     """Raise ConfigError if a folder has more than MOST_FILES files."""
     if count > MOST_FILES:
         raise ConfigError(
-            f"{folder}: holds more than {MOST_FILES} files to read: give a folder with a part of "
-            "them"
+            f"{folder}: holds more than {MOST_FILES} files to read: give a part of them"
         )
 
 

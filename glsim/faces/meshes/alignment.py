@@ -3,8 +3,7 @@
 The head decides both; walls and floors are left out first. The mean face is fitted (``face_fit``)
 from the best matches of the nose template: in the metric units that make the mesh a head or a body,
 then at any size; each in 24 orientations by quarter turns, then in all. The size of the face names
-the unit, for metric units differ far more than faces do. A face of another size is refused with
-the unit to give.
+the unit, for metric units differ far more than faces do. Other sizes are refused with the unit.
 """
 
 from __future__ import annotations
@@ -183,8 +182,7 @@ def estimate_alignment(
     if fit is None and given is None:
         raise MeshError(
             f"no face is found{'' if unit == 'auto' else f' with unit={unit}; try unit=auto, or'}: "
-            "give the axes yourself, such as axes='+x+y+z' for x the subject's left, y up, z out "
-            "of the face"
+            "give axes, such as '+x+y+z' for x the subject's left, y up, z out of the face"
         )
     name, mm_per_unit = _unit_of(fit, extent, unit, doubts)
     if given is None:

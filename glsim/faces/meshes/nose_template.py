@@ -100,8 +100,7 @@ def match_noses(
 ) -> list[NoseMatch]:
     """Slide the template over the height map of points (3, N) seen from +z; best matches first.
 
-    They are at least APART_CELLS apart, and better than ``least``. Without any there is one of
-    correlation -1.
+    At least APART_CELLS apart, and better than ``least``; without any, one of correlation -1.
     """
     lower = points_mm[:2].min(axis=1)
     column, row = ((points_mm[:2] - lower[:, None]) / CELL_MM).astype(np.int64)

@@ -9,8 +9,7 @@ names distinguish left and right; each frame has its own topology. Gaps in frame
 
 Peak: registrations share one topology, so the peak of a sequence is the frame with the largest
 deformation from the first frame, without the rigid motion of the head. The peak of raw frames,
-whose topologies differ, is the middle frame (performances run from neutral to neutral), and the
-notes say so.
+whose topologies differ, is the middle frame (performances run from neutral to neutral), as noted.
 """
 
 from __future__ import annotations

@@ -65,8 +65,7 @@ def make_thing(
 ) -> list[Shape]:
     """Make the shapes of a piece of furniture; ``clutter``: share of small objects, 0 to 1.
 
-    ``fit_mm``: width and height of the opening that it fills, or height of its seat; default:
-    sampled.
+    ``fit_mm``: width and height of the opening that it fills, or height of its seat; or sampled.
     """
     thing = catalogue()["things"][name]
     scale = 1 + rng.uniform(-1, 1, 3) * thing.get("stretch", (0.0, 0.0, 0.0))

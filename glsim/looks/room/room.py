@@ -32,8 +32,7 @@ class RoomNumbers:
         camera_mm: (x, z) of the camera before the rotation.
         reach_mm: area that the person needs: x of its left and right end, depth behind the face.
         clutter: share of the possible small objects, 0 to 1.
-        seat_mm: height of the person's seat above the floor, and z of the backrest; None for a
-            standing person.
+        seat_mm: height of the seat above the floor, and z of the backrest; None: a person stands.
     """
 
     kind: str
