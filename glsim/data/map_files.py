@@ -30,7 +30,7 @@ from glsim.core.files.exr import (
 from glsim.core.files.npy import encode_npy, map_npy
 from glsim.core.files.png import MAX_MAP_PX, encode_png, is_image, read_image
 from glsim.core.files.regular import MOST_HELD, open_regular, read_pixels
-from glsim.core.units import UINT16_MAX, from_steps, to_steps
+from glsim.core.units import MM_PER_M, UINT16_MAX, from_steps, to_steps
 from glsim.data.recordings.biwi import read_depth_bin
 
 #: Suffixes of the files that are read and written.
@@ -277,15 +277,13 @@ def refuse_other_unit(image: NDArray[Any], depth_mm: NDArray[np.float32], where:
         )
 
 
-def refuse_no_steps(image: NDArray[Any], where: Path) -> None:
-    """Raise DatasetError for integers without a stated unit that cannot be millimetres.
+def doubt_of_steps(image: NDArray[Any], where: Path) -> str:
+    """Return a remark about integers without a stated unit, which are taken for millimetres.
 
-    Refused are numbers shifted by 3 or 4 bits (Kinect V1), 8-bit numbers times 257, and numbers
-    stretched to 16 bits (relative or inverse depth).
+    Raises DatasetError for numbers shifted by 3 or 4 bits (Kinect V1), 8-bit numbers times 257, and
+    numbers stretched to 16 bits (relative or inverse depth).
     """
-    if image.dtype.kind != "u":
-        return
-    seen = image[(image > 0) & (image < SATURATED)]
+    seen = image[(image > 0) & (image < FAR_MM)]
     values = np.unique(seen)
     for step in (257, 16, 8):
         if len(values) >= _LEAST_VALUES and not (values % step).any():
@@ -299,6 +297,7 @@ def refuse_no_steps(image: NDArray[Any], where: Path) -> None:
             f"{where}: {100 * share:.0f} % of its values are above {_DEEPEST_MM}, 20 m in "
             f"millimetres: state the unit {STATED_BY}; relative or inverse depth is not read"
         )
+    return TAKEN_FOR_MM.format(np.median(seen) / MM_PER_M) if seen.size else ""
 
 
 def refuse_negative(image: NDArray[Any], where: Path) -> None:

@@ -33,6 +33,10 @@ def test_a_png_states_its_step_and_is_a_plain_png_to_others(tmp_path: Path) -> N
     assert open_maps([stated]).step_mm == open_maps([stated], unit_mm=0.1).step_mm == 0.1
     assert open_maps([plain]).step_mm == 1.0
     assert "taken for mm, which puts the middle at 9" in open_maps([plain]).notes[0]
+    marked = np.where(DEPTH_MM > 0, 65535, 0).astype(np.uint16)  # the largest integer: no depth
+    marked[:2] = 600
+    cv2.imwrite(str(tmp_path / "marked.png"), marked)
+    assert "puts the middle at 0.6 m" in open_maps([tmp_path / "marked.png"]).notes[0]
     for given, words in ((1.0, r"b\.png states steps of 0\.1 mm"), (None, "some state none")):
         with pytest.raises(ConfigError, match=words):
             open_maps([stated] if given else [plain, stated], unit_mm=given)

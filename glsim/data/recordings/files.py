@@ -16,16 +16,14 @@ from numpy.typing import NDArray
 from glsim.core.array_types import Floats
 from glsim.core.errors import ConfigError, DatasetError
 from glsim.core.files.png import LAYER_KEYWORD, stated_text, stated_unit_mm
-from glsim.core.units import MM_PER_M
 from glsim.data.map_files import (
-    TAKEN_FOR_MM,
     along_ray,
     depth_in_mm,
     doubt_of_floats,
+    doubt_of_steps,
     floats_in_metres,
     read_stored,
     refuse_negative,
-    refuse_no_steps,
     refuse_other_unit,
 )
 from glsim.data.recordings.names import DEPTH_LAYERS, infrared_beside
@@ -202,11 +200,8 @@ class MapFiles:
         where = files.pop() if len(files) == 1 else folder
         for image in own.values():
             refuse_negative(image, where)
-            if unknown and image.dtype.kind == "u" and image.any():
-                refuse_no_steps(image, where)
-                steps = image.astype(np.float64)
-                self.notes = (TAKEN_FOR_MM.format(np.median(steps[steps > 0]) / MM_PER_M),)
-            elif doubt := doubt_of_floats(image):
+            steps = unknown and image.dtype.kind == "u"
+            if doubt := doubt_of_steps(image, where) if steps else doubt_of_floats(image):
                 self.notes = (doubt,)
         thinned = [image.ravel()[:: image.size // _VALUES + 1] for image in own.values()]
         return floats_in_metres(thinned, where)
