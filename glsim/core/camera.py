@@ -31,6 +31,10 @@ _UNDISTORT_ITERATIONS = 30
 #: two radii the interpolated guess is wrong by less than 1e-6.
 _RADII = 4096
 
+#: Width of the widest view of a pinhole camera in focal lengths: 170 degrees. Chosen: normalised
+#: focal lengths (1 = the width) are far below, the widest camera that is simulated has 120 degrees.
+_WIDEST = 2 * math.tan(math.radians(85))
+
 #: A time-of-flight frame is measured by nine captures: three taps of each of three frequencies.
 TAPS, FREQUENCIES = 3, 3
 
@@ -101,17 +105,20 @@ class Intrinsics:
         """Return the intrinsics of an uncalibrated depth map that may be a crop of this image.
 
         The default focal lengths are this camera's. The default principal point is this camera's if
-        the sizes are equal, otherwise the centre of the map. Raises ConfigError for a focal length
-        that is not positive.
+        the sizes are equal, otherwise the centre of the map. Raises ConfigError for an empty map,
+        and for focal lengths in another unit.
         """
         height, width = shape
         if centre_px is None:
             whole = (width, height) == (self.width, self.height)
             centre_px = (self.cx, self.cy) if whole else (width / 2, height / 2)
-        focal = focal_px or (self.fx, self.fy)
-        if not all(0 < length < np.inf for length in focal):
-            raise ConfigError(f"focal length {focal}: must be above 0 px")
-        return Intrinsics(width, height, *focal, *centre_px)
+        fx, fy = focal_px or (self.fx, self.fy)
+        if not (0 < width <= _WIDEST * fx < np.inf and 0 < height <= _WIDEST * fy < np.inf):
+            raise ConfigError(
+                f"a camera of {width}x{height} pixels with focal lengths {fx:g}, {fy:g}: give both "
+                "in pixels, above 0 (Gazebo, BlenderProc, Isaac: the size of a negative fy)"
+            )
+        return Intrinsics(width, height, fx, fy, *centre_px)
 
 
 #: The sensor of settings that name no sensor. Its intrinsics are the default of depth maps without

@@ -104,7 +104,7 @@ class RigTable(TomlTable, allow_inf_nan=False):
 
     width: int = Field(ge=8, le=8192)
     height: int = Field(ge=8, le=8192)
-    focal_px: tuple[_Pixels, _Pixels]
+    focal_px: tuple[_FocalPx, _FocalPx]
     centre_px: tuple[_Pixels, _Pixels]
     emitter: tuple[_EmitterTable, ...] = ()
     imager: tuple[_ImagerTable, ...] = ()
@@ -125,8 +125,6 @@ class RigTable(TomlTable, allow_inf_nan=False):
 
     @model_validator(mode="after")
     def _check(self) -> RigTable:
-        if min(self.focal_px) < 1:
-            raise ValueError("focal_px must be at least 1")
         if strange := {w.modulation_mhz for w in self.wiggling} - {*self.modulation_mhz}:
             raise ValueError(f"wiggling: {min(strange):g} MHz is none of modulation_mhz")
         if self.deliver == "colour" and self.colour is None:

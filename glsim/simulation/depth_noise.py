@@ -122,11 +122,6 @@ class DepthNoise:
         """
         if first_pixel not in (0, 0.5):
             raise ConfigError(f"first_pixel {first_pixel}: is 0 (OpenCV, ROS) or 0.5")
-        if not (fx > 0 and fy > 0 and width > 0 and height > 0):
-            raise ConfigError(
-                f"a camera of {width}x{height} pixels with focal lengths {fx}, {fy}: all must be "
-                "positive (Gazebo, BlenderProc and Isaac may give a negative fy: take its size)"
-            )
         shift = 0.5 - first_pixel
         centre = cx + shift, cy + shift
         noise = cls(sensor, focal_px=(fx, fy), centre_px=centre, **options)
@@ -170,8 +165,8 @@ class DepthNoise:
                 device are sampled once for it.
             seeds: (B,) integers of 32 bits, for instance one per environment; "torch" only. Each
                 seed is a device, whose parameters are sampled from the sensor's distributions.
-            given: for "torch" only: fx, fy, cx, cy of the maps, pixels, numbers or (B,), with the
-                first pixel's centre at 0.5; normal, (B, H, W, 3) towards the camera; albedo,
+            given: for "torch" only: fx, fy, cx and cy of the maps, pixels, numbers or (B,), with
+                the first pixel's centre at 0.5; normal, (B, H, W, 3) towards the camera; albedo,
                 (B, H, W).
 
         Raises ConfigError: whole numbers, millimetres, or another shape or type.
@@ -283,9 +278,7 @@ class DepthNoise:
                 made = MapEngine(self.settings, size, backend, *self._camera)
             self._engines[key] = made
             if len(self._engines) > _SIZES:
-                _, oldest = self._engines.popitem(last=False)
-                if isinstance(oldest, MapEngine):
-                    oldest.close()
+                self._engines.popitem(last=False)  # a MapEngine's finalizer closes it
         self._engines.move_to_end(key)
         return self._engines[key]
 

@@ -46,10 +46,11 @@ def batch_inputs(maps: Any, given: Mapping[str, Any]) -> dict[str, Any]:
     shapes = {"normal": (*maps.shape, 3), "albedo": tuple(maps.shape)}
     if unknown := given.keys() - {*known, "seeds", "frames"}:
         raise ConfigError(f"{', '.join(sorted(unknown))}: known are {', '.join(known)}")
+    given = {name: value for name, value in given.items() if value is not None}
+    if 0 < len(missing := {*_CAMERA} - given.keys()) < len(_CAMERA):
+        raise ConfigError(f"{', '.join(sorted(missing))}: a camera needs fx, fy, cx and cy")
     inputs = {"maps": maps.detach()}
     for name, value in given.items():
-        if value is None:
-            continue
         kind = torch.int64 if name in ("seeds", "frames") else torch.float32
         try:
             tensor = torch.as_tensor(value, device=device)
@@ -85,7 +86,7 @@ class TensorEngine:
         ]
         self._rays: dict[Any, Any] = {}
         self._size = rig.intrinsics.height, rig.intrinsics.width
-        self._compared = False  # whether the range of a depth has been checked
+        self._compared = False  # whether the values of a batch have been checked
 
     @torch.compiler.disable  # type: ignore[untyped-decorator]  # a function of the user's that is compiled calls it as it is
     def measure(
@@ -113,13 +114,16 @@ class TensorEngine:
         except (RuntimeError, AssertionError) as error:
             raise ConfigError(f"device {device!r}: {str(error).splitlines()[0]}") from None
         maps = whole.reshape(-1, *self._size).to(torch.float32)
+        inputs = batch_inputs(maps, given)
         if whole.device.type == "cpu" or not self._compared:  # once, since a GPU stalls
-            refuse_millimetres(maps.detach().cpu().numpy(), self.rig.near_m, self.rig.far_m)
+            refuse_millimetres(inputs["maps"].cpu().numpy(), self.rig.near_m, self.rig.far_m)
+            if "fx" in inputs:
+                shortest_px = float(inputs["fx"].min()), float(inputs["fy"].min())
+                self.rig.intrinsics.for_map(self._size, shortest_px)
             self._compared = True
         count = len(maps) if maps.is_cuda else max(_CACHED_PX // math.prod(self._size), 1)
         parts = []
         with torch.no_grad():
-            inputs = batch_inputs(maps, given)
             if expected:
                 inputs[EXPECTED_LAYER] = inputs["maps"]
             for start in range(0, len(maps), count):
@@ -239,7 +243,7 @@ class TensorEngine:
 
     def _rays_of(self, depth_m: Any, camera: Mapping[str, Any]) -> Any:
         """Return the rays x/z and y/z of each pixel, (1 or B, H, W, 2)."""
-        if not any(name in camera for name in _CAMERA):
+        if "fx" not in camera:
             if depth_m.device not in self._rays:
                 rays = torch.from_numpy(np.moveaxis(self.rig.rays(), -1, 0).copy())
                 self._rays[depth_m.device] = rays[:, None].to(depth_m.device).movedim(0, -1)
@@ -248,10 +252,7 @@ class TensorEngine:
             raise ConfigError(
                 "fx, fy, cx, cy: the sensor delivers the image of its lens: leave out"
             )
-        image, (_, height, width) = self.rig.intrinsics, depth_m.shape
+        _, height, width = depth_m.shape
         x, y = (torch.arange(side, device=depth_m.device) + 0.5 for side in (width, height))
-        sides = [
-            (place - camera.get(c, getattr(image, c))) / camera.get(f, getattr(image, f))
-            for place, f, c in ((x, "fx", "cx"), (y[:, None], "fy", "cy"))
-        ]
+        sides = (x - camera["cx"]) / camera["fx"], (y[:, None] - camera["cy"]) / camera["fy"]
         return of(depth_m).stack(sides, -1).reshape(-1, height, width, 2)

@@ -137,7 +137,7 @@ def test_a_bad_extension_is_named(tmp_path: Path, text: str, message: str) -> No
     ("change", "message"),
     [
         ("width = 7", "rig.width: .*greater than or equal to 8"),
-        ("focal_px = [0, 100]", "rig: focal_px must be at least 1"),
+        ("focal_px = [0, 100]", "rig.focal_px.0: must be greater than or equal to 1"),
         ("near_m = 20", r"rig: near_m 20.0 must be less than far_m 12.0"),
         ("widht = 96", r"no such setting 'rig.widht' .did you mean 'rig.width'"),
         ('deliver = "cooked"', "rig.deliver: 'cooked' is not one of undistorted, raw"),

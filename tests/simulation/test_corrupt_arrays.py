@@ -109,20 +109,12 @@ def test_principal_points_of_both_conventions_are_one_camera() -> None:
 
 
 def test_draws_per_sequence_are_held_within_it() -> None:
-    settings = load_settings(
-        overrides={
-            "sensor": "kinect-v2-fankhauser",
-            "stage": {"axial": {"base_sigma_mm": {"uniform": [0.5, 2.0], "per": "sequence"}}},
-        }
-    )
+    stage = {"axial": {"base_sigma_mm": {"uniform": [0.5, 2.0], "per": "sequence"}}}
+    settings = load_settings(overrides={"sensor": "kinect-v2-fankhauser", "stage": stage})
     with DepthNoise.for_camera(settings, **CAMERA, first_pixel=0.5, backend="numpy") as corrupt:
-        drawn = [
-            corrupt.corrupt_depth(maps(1)[0], frame=n, sequence=name).parameters[
-                "axial.base_sigma_mm"
-            ]
-            for name in "ab"
-            for n in range(2)
-        ]
+        (clean,) = maps(1)
+        frames = [corrupt.corrupt_depth(clean, frame=n, sequence=s) for s in "ab" for n in (0, 1)]
+    drawn = [frame.parameters["axial.base_sigma_mm"] for frame in frames]
     assert drawn[0] == drawn[1] != drawn[2] == drawn[3]
 
 
@@ -140,10 +132,10 @@ def test_what_is_no_depth_is_named(depth: Any, message: str) -> None:
         corrupt(depth, frame=0)
 
 
-@pytest.mark.parametrize(("name", "value"), [("first_pixel", 1), ("fy", -91.0), ("width", 0)])
-def test_what_is_no_camera_is_named(name: str, value: float) -> None:
-    camera: dict[str, Any] = {**CAMERA, "first_pixel": 0.5, name: value}
-    with pytest.raises(GlsimError, match=f"{value}"):
+@pytest.mark.parametrize(("key", "px"), [("first_pixel", 1), ("fy", -9), ("width", 0), ("fx", 3)])
+def test_what_is_no_camera_is_named(key: str, px: float) -> None:
+    camera: dict[str, Any] = {**CAMERA, "first_pixel": 0.5, key: px}
+    with pytest.raises(GlsimError, match=f"{px:g}"):
         DepthNoise.for_camera("ideal", **camera, backend="numpy")
 
 

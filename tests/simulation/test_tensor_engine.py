@@ -13,6 +13,8 @@ from tests.support.stage_harness import Z_MAX, z_mean
 
 torch: Any = pytest.importorskip("torch")
 
+CAMERA = {"fx": 365.456, "fy": 365.456, "cx": 64.0, "cy": 48.0}
+
 #: Sensor -> the least shares of pixels that have the same reason by OpenGL and on tensors, and of
 #: depths that differ by 1 mm at most. The light's code of 11 bits rounds otherwise where a number
 #: differs in its last bit, and shadows end at pixels' centres and not at a mesh's edge: by NumPy,
@@ -115,7 +117,7 @@ def test_draws_follow_their_distributions() -> None:
 def test_cameras_normals_and_albedo_of_the_simulator_are_used() -> None:
     clean = torch.from_numpy(heads(2))
     noise = DepthNoise("kinect-v2-fast")
-    camera = {"fx": torch.tensor([365.456, 180.0]), "fy": 365.456, "cx": 64.0, "cy": 48.0}
+    camera = {**CAMERA, "fx": torch.tensor([365.456, 180.0])}
     usual = noise.layers(clean, seeds=[1, 1])
     given = noise.layers(clean, seeds=[1, 1], **camera)
     assert torch.equal(given["depth"][0], usual["depth"][0])
@@ -182,7 +184,9 @@ def test_a_compiled_function_of_the_user_may_call_it() -> None:
         ("kinect-v2", {"seeds": "ab"}, "seeds: must be numbers"),
         ("kinect-v2", {"seeds": 1, "focal": 3}, "focal: known are fx, fy"),
         ("kinect-v2", {"seeds": 1, "normal": np.zeros((2, 3))}, r"normal: has the shape \(2, 3\)"),
-        ("azure-kinect-wfov", {"seeds": 1, "fx": 100.0}, "image of its lens"),
+        ("azure-kinect-wfov", {"seeds": 1, **CAMERA}, "image of its lens"),
+        ("kinect-v2", {"seeds": 1, "fx": 60.0}, "cx, cy, fy: a camera needs fx, fy, cx and cy"),
+        ("kinect-v2", {"seeds": 1, **CAMERA, "fx": 0.9}, "focal lengths 0.9"),
         ("realsense-d435", {"seeds": 1}, "'stereo_light' does not run on tensors"),
     ],
 )
