@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from glsim.cli.common import JsonOption, make_console, print_json, print_message
-from glsim.core.errors import DatasetError, counted, printable
+from glsim.core.errors import DatasetError, GlsimError, counted, printable
 
 #: Largest number of printed problems; a lost folder causes thousands.
 _SHOWN = 200
@@ -35,6 +36,7 @@ def verify(
     """
     from glsim.core.files.cloud import cloud_url
     from glsim.data.reader import open_dataset
+    from glsim.data.verification import STRAY
     from glsim.data.verification import verify as find_problems
 
     problems = find_problems(dataset, deep=deep)
@@ -52,6 +54,10 @@ def verify(
     if repair:
         out.print(repair_command(dataset))
     if problems:
+        if not repair and not all(problem.endswith(STRAY) for problem in problems):
+            with suppress(GlsimError):  # it is no data set: the problem says what to do
+                repair_command(dataset)
+                print_message(f"glsim verify {place} --repair prints the command that repairs it")
         return 1
     frames = ", ".join(f"{split} {count}" for split, count in counts.items())
     depth = "every image was read" if deep else "images were not read: --deep does"

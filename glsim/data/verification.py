@@ -20,6 +20,7 @@ from glsim.settings.schema import SPLIT_NAMES
 _Record = Mapping[str, Any]
 _PERSON = itemgetter("split", "subject")
 STRAY = "is in no record: delete it, or move it out"
+LOST = "is in no record, since a list is damaged: keep it, and repair the list (--repair)"
 
 
 def verify(path: Path | str, deep: bool = False, *, strays: bool = True) -> list[str]:
@@ -40,7 +41,9 @@ def verify(path: Path | str, deep: bool = False, *, strays: bool = True) -> list
     except DatasetError as error:
         return [str(error)]
     wrong = [] if problem is None else [f"{HEADER} {problem}"]
-    return wrong + list(_Verification(store, header, manifest, deep, strays).problems())
+    found = _Verification(store, header, manifest, deep, strays)
+    found.bad_files |= {HEADER} if wrong else set()
+    return wrong + list(found.problems())
 
 
 class _Verification:
@@ -50,7 +53,7 @@ class _Verification:
         self._store, self._header, self._manifest = store, header, manifest
         self._deep, self._strays = deep, strays
         self._folders: set[str] = set()
-        self._bad_files: set[str] = set()
+        self.bad_files: set[str] = set()
 
     def problems(self) -> Iterator[str]:
         yield from self._listed_files()
@@ -98,7 +101,7 @@ class _Verification:
             problems = list(self._file_problems(name, expected, whole))
             yield from problems
             if problems:
-                self._bad_files.add(name)
+                self.bad_files.add(name)
 
     def _file_problems(self, name: str, expected: _Record, whole: bool) -> Iterator[str]:
         """Yield differences of a file's size, and of its CRC32 if ``whole`` or known to a cloud."""
@@ -130,7 +133,7 @@ class _Verification:
                 images.add((name, offset))
                 problems = list(self._place_problems(file))
                 yield from problems
-                if self._deep and not problems and name not in self._bad_files:
+                if self._deep and not problems and name not in self.bad_files:
                     try:
                         stored.read(layer)
                     except DatasetError as error:
@@ -156,17 +159,19 @@ class _Verification:
             names = [f"{folder}/{name}" for name in self._store.names(folder)]
         except DatasetError:
             return  # its images are reported already
-        yield from (f"{name} {STRAY}" for name in names if name not in images)
+        yield from (self._stray(name) for name in names if name not in images)
+
+    def _stray(self, name: str) -> str:
+        return f"{name} {LOST if self.bad_files & {HEADER, MANIFEST} else STRAY}"
 
     def _stray_entries(self) -> Iterator[str]:
         """Yield unrecorded files in the splits; other top-level files are allowed."""
         listed = self._header["files"].keys() | {MANIFEST, SKIPPED}
         seen: dict[str, str] = {}
         top = self._store.names("")
-        for name in top:
-            shard = name.endswith(".tar") and name.partition("-")[0] in SPLIT_NAMES
-            if shard and name not in listed:
-                yield f"{name} {STRAY}"
+        for name in sorted({*top} - listed):
+            if name.endswith(".tar") and name.partition("-")[0] in SPLIT_NAMES:
+                yield self._stray(name)
         for split in (split for split in SPLIT_NAMES if split in top):
             try:
                 entries = self._store.names(split)
@@ -179,4 +184,4 @@ class _Verification:
                 seen[entry] = split
                 name = f"{split}/{entry}"
                 if name not in self._folders and name not in listed:
-                    yield f"{name} {STRAY}"
+                    yield self._stray(name)

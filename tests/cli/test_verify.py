@@ -41,8 +41,8 @@ def test_problems_are_listed_one_a_line(tree: Path, capsys: pytest.CaptureFixtur
     (tree / PNG).write_bytes(data)
     (tree / (stray := "train/s000/stray[b].png")).touch()
     assert verify(capsys, tree)[1] == [f"{stray} is in no record: delete it, or move it out"]
-    status, problems, _ = verify(capsys, tree, "--deep")
-    assert status == 1
+    status, problems, said = verify(capsys, tree, "--deep")
+    assert (status, "--repair prints the command" in said) == (1, True)
     assert problems[0].startswith(f"{PNG}: was changed after it was written")
     assert verify(capsys, tree.parent)[1] == [
         f"{tree.parent}: is no data set of glsim: it has no dataset.json; glsim generate -o NEW "

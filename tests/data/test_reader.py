@@ -12,7 +12,7 @@ from glsim.core.errors import DatasetError
 from glsim.core.files.png import encode_png
 from glsim.data.dataset_run import write_dataset
 from glsim.data.reader import Dataset, open_dataset
-from glsim.data.verification import STRAY, verify
+from glsim.data.verification import LOST, STRAY, verify
 from tests.support.dataset_fakes import (
     FORMATS,
     contents,
@@ -168,11 +168,13 @@ def test_verify_finds_missing_changed_and_stray_files(tree: Path) -> None:
     (tree / "val" / "s999").mkdir()
     (tree / "val" / "notes.txt").touch()
     problems = verify(tree)
-    assert [problem for problem in problems if "is missing" not in problem] == [
-        "val/s003/extra.png is in no record: delete it, or move it out",
-        "val/notes.txt is in no record: delete it, or move it out",
-        "val/s999 is in no record: delete it, or move it out",
-    ]
+    found = [problem for problem in problems if "is missing" not in problem]
+    assert found == [f"val/{name} {STRAY}" for name in ("s003/extra.png", "notes.txt", "s999")]
+    manifest = tree / "manifest.jsonl"
+    manifest.write_text("".join(manifest.read_text().splitlines(keepends=True)[1:]))
+    kept = [problem for problem in verify(tree) if problem.endswith(LOST)]
+    assert f"train/s000/smile.1_00000_clean.png {LOST}" in kept, "its record is lost, not it"
+    assert not any(problem.endswith(STRAY) for problem in verify(tree))
 
 
 def test_verify_finds_changed_bytes_if_deep(tree: Path, shards: Path) -> None:
