@@ -161,9 +161,8 @@ BatchSource = StoredBatches | SimulatedBatches
 def stored_batches(datasets: Sequence[Path], recipe: Recipe) -> StoredBatches:
     """Open the splits train and val of the data sets on disk and join them.
 
-    Raises:
-        DatasetError: for a data set that is missing, damaged, or unfit for the recipe.
-        ConfigError: for a recipe that no data set can fit.
+    Raises DatasetError: a data set is missing, damaged, or unfit for the recipe; ConfigError: no
+    data set can fit the recipe.
     """
     data = recipe.data
     open_split = partial(
@@ -205,10 +204,8 @@ def simulated_batches(recipe: Recipe) -> SimulatedBatches:
 
     The table changes the settings of `randomised`, or the defaults of glsim if it names a sensor.
 
-    Raises:
-        ConfigError: for settings that cannot be simulated.
-        MeshError: for a source without a usable face.
-        DeviceError: without OpenGL.
+    Raises ConfigError: the settings cannot be simulated; MeshError: a source has no usable face;
+    DeviceError: there is no OpenGL.
     """
     changes = dict(recipe.simulate)
     if recipe.data.crop:

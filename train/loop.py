@@ -104,6 +104,8 @@ class TrainingRun:
             other = "continue it with --resume, or name another folder (-o)"
             raise TrainError(f"{folder}: holds a training: {other}")
         last = last_checkpoint(folder, recipe, source.fingerprint) if resume else None
+        if resume and last is None:
+            announce(f"{folder}: holds no training to go on with: begins anew")
         weights, self.start = None, last and last.get("start")
         if last is None and (start := recipe.training.start) is not None:
             weights, self.start = read_start(start, recipe.model)

@@ -135,12 +135,8 @@ def reproduce(
 
     ``roots``: kind of face source -> folder, for each face set of the paper that the user has.
 
-    Returns:
-        Paths of the written files, which show printed values beside ours.
-
-    Raises:
-        GlsimError: a step failed; the message names it.
-        KeyboardInterrupt: a training was stopped by a signal.
+    Returns the written files, which show printed values beside ours. Raises GlsimError that names
+    a failed step, KeyboardInterrupt if a signal stopped a training.
     """
     out = runner.out
     cases = [(protocol, mask) for mask in plan.masks for protocol in plan.protocols]

@@ -74,9 +74,7 @@ def score_recording(
 
     ``scoring_half``: score only on static pairs that ``tune_on_pairs`` does not use.
 
-    Raises:
-        ConfigError: a denoiser is wrong or given twice.
-        DenoiserError: a denoiser fails on a frame.
+    Raises ConfigError: a denoiser is wrong or given twice; DenoiserError: one fails on a frame.
     """
     methods = load_methods(denoisers, RAW)
     numbers = list(range(len(recording.frames)))

@@ -120,10 +120,7 @@ def html_page(
     """Return a complete HTML page. Raises GlsimError without Jinja2.
 
     All text is escaped; **bold** and `code` become HTML. Last intervals of cells are small.
-
-    Args:
-        pictures: shown after the documents.
-        notes: shown after the pictures.
+    Pictures stand behind the documents, notes behind the pictures.
     """
     return _template().render(title=title, documents=documents, pictures=pictures, notes=notes)
 

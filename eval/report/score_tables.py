@@ -22,6 +22,7 @@ from glsim.eval.scoring.aggregate import MetricMean, ScoreSummary
 from glsim.eval.scoring.bias import BIAS_BIN_MM, ENOUGH_PIXELS, largest_bias
 from glsim.eval.scoring.evaluate import Evaluation, write_csv
 from glsim.eval.scoring.statistics import paired_difference
+from glsim.networks.composites import COMPOSITES
 
 #: Method -> metric -> mean over the set.
 ResultTable = dict[str, dict[str, MetricMean]]
@@ -104,20 +105,23 @@ def result_lines(summary: ScoreSummary) -> list[str]:
             interval = f" (95 % interval {low} to {high})"
             if gap.subjects < FEW_SUBJECTS:
                 interval = f" (too few people for an interval: {FEW_SUBJECTS} are needed)"
-            people = f"{gap.lower} of {counted(gap.subjects, 'person', 'people')}"
+            people = f"in {gap.lower} of {counted(gap.subjects, 'person', 'people')}"
             if gap.high < 0:
-                line = f"is best {what}: {size} {unit} better than `{other}`{interval}, in {people}"
+                line = f"is best {what}: {size} {unit} better than `{other}`{interval}, {people}"
             else:
-                line = f"and `{other}` are not told apart {what}: {size} {unit}{interval}, {people}"
+                line = f"and `{other}` are not told apart {what}: {size} {unit}{interval}, "
+                line += f"the first better {people}"
             lines.append(f"`{first}` {line}.")
     inside = {method: summary.mean(method, _INSIDE) for method in summary.methods}
     before = inside.get(_INPUT, math.nan)
-    worse = "is worse inside than its input"
-    return lines + [
-        f"`{method}` {worse}: {mean:.3g} against {before:.3g} mm"
-        for method, mean in inside.items()
-        if mean > before
-    ]
+    worse = {method: worse_inside(mean, before) for method, mean in inside.items()}
+    return lines + [f"`{method}` is {line}" for method, line in worse.items() if line]
+
+
+def worse_inside(error_mm: float, before_mm: float) -> str:
+    """Say that an error inside surfaces is above its input's; "" where both print alike."""
+    worse = f"worse inside than its input: {error_mm:.3g} against {before_mm:.3g} mm"
+    return worse if error_mm > 1.01 * before_mm else ""
 
 
 def _minus_best(summary: ScoreSummary) -> dict[str, str]:
@@ -166,6 +170,8 @@ def note_documents(evaluation: Evaluation, table: ResultTable) -> list[Document]
     """Return the definitions of the metrics, and remarks on the result if there are any."""
     shown = [METRICS[name] for names in TABLE_SECTIONS.values() for name in names]
     lines = [f"**{m.heading}** (`{m.name}`): {m.help}." for m in shown]
+    parts = {name: means for name, means in COMPOSITES.items() if f" [{name}]" in " ".join(table)}
+    lines += [f"**[{name}]** behind a network: {means}." for name, means in parts.items()]
     documents = [Document("Definitions", [lines])]
     notes = _remarks(evaluation, table)
     return [*documents, Document("Remarks", [notes])] if notes else documents

@@ -171,7 +171,8 @@ class _BlockScorer:
             except Exception as error:  # any error of a third-party denoiser
                 ours = isinstance(error, DenoiserError | DatasetError)
                 why = f"{error}" if ours else f"{type(error).__name__}: {error}"
-                result.bad.append({"frame": str(key), "why": f"{method.label}: {why}"})
+                why = f"{method.label}: {why.removeprefix(f'{method.label}: ')}"
+                result.bad.append({"frame": str(key), "why": why})
                 continue
             for name, depth in maps.items():
                 self._earlier[name] = depth, frame.clean_mm

@@ -173,7 +173,9 @@ def _collect(
     else:
         (out / "bad.csv").unlink(missing_ok=True)
     counts, named = Counter(why for _, why in bad), {why: frame for frame, why in reversed(bad)}
-    first = tuple(f"{named[why]}: {why} ({n} such)" for why, n in counts.most_common(10))
+    first = tuple(
+        f"{named[why]}: {why}{f' ({n} such)' * (n > 1)}" for why, n in counts.most_common(10)
+    )
     if not summary.methods:
         raise DatasetError(f"no frame could be scored: {first[0]}")
     return Evaluation(summary, baselines, total, len({frame for frame, _ in bad}), first)

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from glsim.core.errors import ConfigError, DatasetError, DenoiserError
 from glsim.core.files.atomic import read_json
-from glsim.denoise.registry import load_denoiser
+from glsim.denoise.registry import denoiser_names, load_denoiser
 
 
 class TrainedRun(BaseModel):
@@ -41,8 +41,10 @@ class TrainedRun(BaseModel):
 
     @property
     def label(self) -> str:
-        """Name of the run in tables, which is the name of its folder."""
-        return self.checkpoint.parent.name.replace("@", "-")
+        """Name in tables: that of the run's folder; runs/face if a shipped denoiser has it."""
+        *_, above, name = self.checkpoint.absolute().parent.parts
+        label = f"{above}/{name}" if name in denoiser_names() else name
+        return label.replace("@", "-")
 
     @property
     def network(self) -> tuple[str, str | None, str]:

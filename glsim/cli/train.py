@@ -159,6 +159,8 @@ def training_progress(title: str) -> Iterator[Callable[[StepStatus], None] | Non
 
 
 def _print_result(report: dict[str, Any], folder: Path) -> None:
+    from glsim.eval.report.score_tables import worse_inside
+
     best = report["best"]
     if report["state"] == "finished":
         print_message(
@@ -174,11 +176,9 @@ def _print_result(report: dict[str, Any], folder: Path) -> None:
         )
 
     figures = report["validation"]
-    ours, before = (figures.get(f"{of}interior_rmse_mm", 0.0) for of in ("", "input_"))
-    if ours > 1.01 * before:  # not where both print alike
-        print_message(
-            f"worse inside than its input: {ours:.3g} against {before:.3g} mm (last validation)"
-        )
+    errors_mm = (figures.get(f"{of}interior_rmse_mm", 0.0) for of in ("", "input_"))
+    if line := worse_inside(*errors_mm):
+        print_message(f"{line} (last validation)")
 
 
 def _print_list() -> None:

@@ -214,7 +214,11 @@ class Denoiser:
             self._check_infrared(infrared, stack.shape[1:])
             counts = infrared.astype(np.float32)
         result = self.function(stack, stack > 0, now, counts)
-        return Estimate(noisy_mm[now], *self._checked(result, stack.shape[1:]))
+        depth_mm, *others = self._checked(result, stack.shape[1:])
+        # A thousandth of the input, give or take what was removed or filled.
+        if 0.5 < 1000 * float(np.mean(depth_mm)) / max(float(stack[now].mean()), 1.0) < 2:
+            raise DenoiserError(f"{self.label}: returned metres? return millimetres (depth * 1000)")
+        return Estimate(noisy_mm[now], depth_mm, *others)
 
     def _checked(self, result: Any, shape: tuple[int, ...]) -> list[NDArray[Any]]:
         names = ("depth_mm", "valid", "sigma_mm")[: 2 + self.function.uncertain]

@@ -182,7 +182,8 @@ def test_uncertainty_is_a_map_beside_the_depth(
     assert main([*command, "sigma.png"]) == 0
     depth, sigma = read(tmp_path / "depth.png"), read(tmp_path / "sigma.png")
     np.testing.assert_array_equal(sigma, np.where(depth > 0, 123, 0))  # 1.234 mm, in 0.01 mm
-    assert main(["denoise", str(maps), "-o", "d", "--uncertainty", "s", "-q"]) == 0
+    assert main(["denoise", str(maps), "-o", "d", "--uncertainty", "s"]) == 0
+    assert "uncertainties in steps of 0.01 mm to s" in " ".join(capsys.readouterr().err.split())
     assert len(list((tmp_path / "s" / "a").iterdir())) == 3
 
     assert main([*command, "depth.png"]) == 2
@@ -239,5 +240,5 @@ def test_tables_have_the_input_first_and_one_row_per_network(here: Path) -> None
     assert methods() == (["noisy", "net [measured]"], ["noisy", *every])
     assert main([*command, "-o", "f", "-q"]) == 0
     report = (here / "f" / "report.html").read_text()
-    assert "net [measured]" in report
+    assert "<b>[measured]</b> behind a network: depth where the input has depth" in report
     assert "net [hard]" not in report

@@ -141,8 +141,10 @@ def test_ctrl_c_is_kept_and_resumed(
 
     with monkeypatch.context() as patch:
         patch.setattr(torch.utils.data.DataLoader, "__iter__", read_and_press)
-        assert main([*command, "-o", "parts"]) == 1
-    assert "--data, -o and --resume" in " ".join(capsys.readouterr().err.split())
+        assert main([*command, "-o", "parts", "--resume"]) == 1
+    said = " ".join(capsys.readouterr().err.split())
+    assert "parts: holds no training to go on with: begins anew" in said
+    assert "--data, -o and --resume" in said
     assert json.loads((here / "parts" / "run.json").read_text())["state"] == "interrupted"
     assert "--resume" in fails(capsys, 1, *command, "-o", "parts")
     other = (*command[:4], "-o", "parts", "--resume", "--set", "loss.beta_mm=3.0")

@@ -133,6 +133,7 @@ def test_a_stream_of_a_filter_with_later_frames_is_causal() -> None:
         (lambda d, v: d, r"must return \(depth_mm, valid\)"),
         (lambda d, v: (d, v, d), r"must return \(depth_mm, valid\)"),
         (lambda d, v: (d[1:], v), r"depth_mm of shape"),
+        (lambda d, v: (d / 1000, v), r"returned metres\? return millimetres"),
         (lambda d, v: (d, v + 1.5), r"must lie in \[0, 1\]"),
         (lambda d, v: (d, v.astype(int)), "bool, or float"),
     ],

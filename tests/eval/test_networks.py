@@ -27,7 +27,7 @@ def runs(tmp_path: Path) -> Path:
         write_run(folder / f"ar-{seed}", 0.11 + 0.02 * seed, row="AR D7", seed=seed)
     write_run(folder / "d64", 0.1, row="D64", blind=True)
     write_run(folder / "unet", 0.2, row="UNet", size="full", state="interrupted", ended="steps")
-    write_run(folder / "ours", 0.3, row=None, title="ours", size="own", soft=True)
+    write_run(folder / "face", 0.3, row=None, title="ours", size="own", soft=True)
     return folder
 
 
@@ -47,6 +47,7 @@ def test_all_tables_from_one_scoring(runs: Path, tmp_path: Path) -> None:
     pairs, out = write_pairs(tmp_path / "pairs"), tmp_path / "o"
     tables = ["--table", "1", "--table", "2", "--table", "3", "--table", "4", "--runs", str(runs)]
     assert main(command(pairs, out, *tables, "-d", "masked_gaussian")) == 0
+    assert "runs/face [soft]" in (out / "table.csv").read_text(), "apart from the shipped face"
     one, two, three = ((out / f"paper_table_{n}.md").read_text() for n in (1, 2, 3))
     means = {
         label: statistics.fmean(

@@ -16,7 +16,7 @@ from glsim.denoise.registry import GRIDS
 from glsim.eval.metrics.frame_score import score
 from glsim.eval.metrics.scored_map import Truth
 from glsim.eval.report.results import example_frame
-from glsim.eval.report.score_tables import format_number, in_order
+from glsim.eval.report.score_tables import format_number, in_order, worse_inside
 from glsim.eval.scoring.baselines import mean_face
 from glsim.eval.scoring.blocks import ScoringJob
 from glsim.eval.scoring.evaluate import Evaluation, evaluate
@@ -135,6 +135,7 @@ def test_a_denoiser_that_fails_costs_its_own_rows(pairs: Path, here: Path) -> No
     found = run(pairs, here / "o", "noisy", "moody:moody")
     assert 0 < found.bad < 12
     assert sum("ValueError: not today" in text for text in found.first_bad) == 1, "a line a cause"
+    assert "moody:moody: moody:moody" not in "".join(found.first_bad)
     methods = [row["method"] for row in rows(here / "o")]
     assert methods.count("noisy") == 12
     assert methods.count("moody:moody") == 12 - found.bad
@@ -245,6 +246,7 @@ def test_a_ruined_method_is_marked_though_the_papers_metrics_praise_it(
     (last,) = [line for line in said.splitlines() if "worse" in line]
     assert re.fullmatch(r"ruin:bend is worse inside than its input: 30\.\d against \S+ mm", last)
     text = (here / "out" / "table.md").read_text()
+    assert not worse_inside(1.944, 1.938), "both print as 1.94"
     assert text.index("### Surface") < text.index("### The paper's metrics")
     assert "- `ruin:bend` is worse inside than its input: 30" in text
     best = re.search(
