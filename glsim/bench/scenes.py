@@ -51,13 +51,7 @@ def rectangle(
     x_mm: tuple[float, float], y_mm: tuple[float, float], z_mm: float | tuple[float, float],
     albedo: float = 1.0,
 ) -> Mesh:  # fmt: skip
-    """Build an upright rectangle.
-
-    Args:
-        x_mm: left and right side.
-        y_mm: top and bottom.
-        z_mm: depth, or depths of the left and the right side.
-    """
+    """Build an upright rectangle: left and right, top and bottom, depth of both sides or each."""
     (left, right), (top, bottom) = x_mm, y_mm
     first, second = np.broadcast_to(z_mm, 2).tolist()
     below = [(left, bottom, first), (right, bottom, second)]

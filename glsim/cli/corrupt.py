@@ -100,7 +100,7 @@ def corrupt(
             skipped=lambda why: console.print(f"skipped {why}", style="yellow", soft_wrap=True),
         )
     assumed = "" if focal else "the camera of the maps is taken for the sensor's (--focal-px)"
-    notes = (recording.sentence(camera=False), assumed, writer.sentence("noisy"))
+    notes = (recording.sentence(camera=False), assumed, writer.sentence(f"noisy {sensor}"))
     for note in filter(None, notes):
         print_message(note)
     if failures:

@@ -66,7 +66,7 @@ class MapWriter:
         self._replaced = sum(map(Path.exists, self.targets))
         self._sigma: list[Path] = []
         if sigma_out is not None:
-            self._sigma = _targets(recording, inputs, sigma_out, "png")
+            self._sigma_out, self._sigma = sigma_out, _targets(recording, inputs, sigma_out, "png")
             if {*self._sigma} & {*self.targets}:
                 raise ConfigError(f"{sigma_out}: is the output of the depth: give another name")
         self._forms = [form or format_of(target) for target in self.targets]
@@ -128,6 +128,8 @@ class MapWriter:
         for number, (holds, files) in enumerate(kinds):
             more = f" and {len(files) - 3} more" if len(files) > 3 else ""
             text += f"; {', '.join(files[:3])}{more} {holds}" if number else f", {holds}"
+        if self._sigma:
+            text += f"; uncertainties in steps of {_SIGMA_STEP_MM:g} mm to {self._sigma_out}"
         again = counted(self._replaced, "file")
         return f"{text}; {again} of the same name replaced" if self._replaced else text
 

@@ -271,11 +271,10 @@ class OutputSettings(TomlTable):
 _Shares = tuple[float, float, float]
 
 
-def _source(value: object) -> object:
-    return parse_source(value) if isinstance(value, Mapping) else value
-
-
-_Source = Annotated[SerializeAsAny[SourceSettings], BeforeValidator(_source)]
+_Source = Annotated[
+    SerializeAsAny[SourceSettings],
+    BeforeValidator(lambda given: parse_source(given) if isinstance(given, Mapping) else given),
+]
 
 
 def _split(value: object) -> object:
@@ -287,10 +286,6 @@ def _split(value: object) -> object:
     return value
 
 
-def _sources(value: object) -> object:
-    return (value,) if isinstance(value, Mapping | SourceSettings) else value
-
-
 class Settings(TomlTable):
     """All settings of a data set; equal settings give equal bytes."""
 
@@ -300,9 +295,10 @@ class Settings(TomlTable):
     split: Annotated[_Shares | Literal["paper"], BeforeValidator(_split)] = Field(
         (0.70, 0.12, 0.18), description="shares of train, val, test by subject; paper: the paper's"
     )
-    source: Annotated[tuple[_Source, ...], BeforeValidator(_sources)] = Field(
-        ({},), validate_default=True
-    )
+    source: Annotated[
+        tuple[_Source, ...],
+        BeforeValidator(lambda one: (one,) if isinstance(one, Mapping | SourceSettings) else one),
+    ] = Field(({},), validate_default=True)
     pose: PoseSettings = PoseSettings()
     motion: MotionSettings = MotionSettings()
     variation: VariationSettings = VariationSettings()

@@ -196,18 +196,15 @@ def _text(problem: Mapping[str, Any]) -> str:
     if kind == "literal_error":
         known = [word.strip("'") for word in context["expected"].replace(" or ", ", ").split(", ")]
         value = str(problem["input"])
-        return f"{value!r:.{_SHOWN}} is not one of {', '.join(known)}" + _near(value, known)
+        near = did_you_mean(value, known)
+        more = f" ({near})" if near.startswith("did you mean") else ""
+        return f"{value!r:.{_SHOWN}} is not one of {', '.join(known)}{more}"
     if kind in ("model_type", "dict_type", "model_attributes_type"):
         return _DISTRIBUTION if context.get("class_name") == "Distribution" else _TABLE
     if kind in ("tuple_type", "list_type"):
         return "must be a list, such as [1, 2]"
     message = str(problem["msg"]).removeprefix("Value error, ")
     return message.replace("Input should be", "must be")
-
-
-def _near(name: str, known: list[str]) -> str:
-    text = did_you_mean(name, known)
-    return f" ({text})" if text.startswith("did you mean") else ""
 
 
 def dotted_names(table: Any, prefix: str = "") -> Iterator[str]:

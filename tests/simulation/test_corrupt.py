@@ -173,6 +173,7 @@ def test_a_noisy_map_states_its_step(
     clean.write_bytes(encode_png(image, clean_states_mm))
     command = ["corrupt", str(clean), "-o", str(noisy), "-s", "ideal", "--backend", "numpy"]
     assert main([*command, *given]) == 0
+    assert "wrote 1 noisy ideal depth map to" in capsys.readouterr().err
     assert stated_unit_mm(noisy) == stated_mm
     image[:, 1:] = 19_000
     image[8:, 0] = 0

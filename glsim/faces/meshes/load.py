@@ -113,9 +113,7 @@ def load_mesh(
         rotation_deg: turns about canonical x, y and z after ``axes``; None: found with the axes.
         recentre: move the origin to 45 mm behind the tip of the nose; else keep the file's.
 
-    Raises:
-        ConfigError: an invalid setting.
-        MeshError: a file that cannot be used.
+    Raises ConfigError: an invalid setting; MeshError: a file that cannot be used.
     """
     check_unit(unit)
     check_axes(axes)
