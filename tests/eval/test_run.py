@@ -223,7 +223,7 @@ def test_tables_say_the_same(pairs: Path, tmp_path: Path) -> None:
     text = (out / "table.md").read_text()
     assert format_number(float(mse["mean"])) in text
     assert re.search(r"Undefined in 12 frames, .* filled_rmse_mm.*: .*`noisy`", text)
-    assert "are too few for intervals" in text
+    assert "too few for intervals" in text
     assert "In brackets" not in text
     assert "0.9986" in (out / "paper_table_1.md").read_text()
     report = (out / "report.html").read_text()
