@@ -31,7 +31,6 @@ def adapt(
         out: The adapted network, an .onnx file.
         denoiser: The shipped network to begin with. Default: that which denoise takes.
         steps: Steps of 8 crops of 64 px.
-        seed: Random seed.
     """
     from glsim.data.maps import open_maps
     from glsim.denoise.network_choice import choose_network

@@ -49,8 +49,6 @@ def denoise(
         out: The denoised map, or a folder for them.
         denoiser: A name of glsim eval --list, or a checkpoint. Default: the shipped network that
             fits the noise of the maps.
-        device: Sensor file of glsim fit: the device's fixed pattern and wiggling are subtracted
-            before denoising. Default: none.
         infrared: 16-bit infrared PNG, or a folder of them named as the maps, for functions that
             use it. Default: those beside the maps.
         uncertainty: PNG (or folder) for the standard deviation of each depth in steps of 0.01 mm,

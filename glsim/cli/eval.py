@@ -86,8 +86,6 @@ def evaluate(
         truth: What predictions are compared with: clean, or expected (clean with the sensor's
             systematic error, which a denoiser leaves).
         tune_filters: Add the classical filters, tuned on the validation split.
-        device: Sensor file of glsim fit: its fixed pattern and wiggling are subtracted from the
-            input of all denoisers. Default: none.
         _list_denoisers: Print the shipped denoisers and exit.
     """
     from glsim.core.depth_protocol import check_protocol

@@ -52,7 +52,6 @@ def biwi(
 
     Args:
         root: Folder with NN.obj and NN/frame_*_depth.bin.
-        out: Folder for the data set.
         subjects: Number of people. Default: all.
         frames_per_subject: Frames per person. Default: all.
         split: Shares of train,val,test, or paper for the paper's. Default: 0.7,0.12,0.18.
@@ -91,7 +90,6 @@ def kinect2(
     Args:
         root: A recording, or a folder of recordings: NNNN_depth.png and NNNN_ir.png of iai_kinect2,
             16-bit PNG or TIFF files, .npy stacks, dumps of libfreenect2, .bag, .mcap, .mkv.
-        out: Folder for the data set.
         mirror: Flip left and right, as libfreenect2's dumps need.
         split: Shares of train,val,test. Default: 0,0,1 (all test).
     """

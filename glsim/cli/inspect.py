@@ -47,8 +47,6 @@ def inspect(
         out: Folder or PNG file for a contact sheet of faces. Default: none.
         frames: Number of frames to read; 0 reads all.
         shown: Number of faces on the sheet; 0 draws none.
-        unit: Unit of the mesh files; overrides detection.
-        axes: Axes of the mesh files; overrides detection.
     """
     from glsim.core.files.png import write_picture
     from glsim.data import inspection

@@ -55,8 +55,6 @@ def train(
         resume: Continue the training in the folder, if there is one, with all --set and options of
             its recipe that it was begun with.
         out: Folder of the run. Default: runs/RECIPE.
-        protocol: Where depth is counted from: depth (as measured) or paper (the nearest point of
-            each frame at 1 mm). Default: as the data sets are stored.
         list_recipes: Print the shipped recipes and exit.
     """
     from glsim.core.depth_protocol import check_protocol

@@ -33,10 +33,7 @@ def tune(
     last settings.
 
     Args:
-        sensor: A shipped sensor (glsim sensors) or a .toml file.
         face: A mesh file: OBJ, PLY, STL, GLB or OFF. Default: heads of --source.
-        source: Source of faces, as for glsim generate. Default: procedural.
-        root: Folder of the meshes or of the face model. Default: none.
         real: A recording, whose figures stand beside the frame's. Default: none.
         host: Address to listen on; others than loopback are reachable.
         port: Port; a free one is taken if it is in use.

@@ -46,9 +46,7 @@ def validate(
     promise: the last line has the AUC on real frames, where there are any (0.5 is the goal).
 
     Args:
-        sensor: A shipped sensor (glsim sensors) or a .toml file.
         markdown_file: Write the table as Markdown. Default: print it.
-        seed: Random seed; the same seed gives the same numbers.
         frames: Number of frames of each wall.
     """
     from glsim.bench.validate import validate_sensor

@@ -1,16 +1,6 @@
 """The stated camera of a recording, from ``camera.toml`` beside the frames or from its files.
 
-name = "RealSense D435, serial 1234"   optional: a name for people
-sensor = "realsense-d435"              optional: a sensor of glsim; gives what is not said here
-channel = "left.Z"                     optional: channel of OpenEXR files that is depth
-unit_mm = 0.1                          optional: step of the depth files, mm
-along_ray = true                       optional: the files hold the distance along each ray
-width = 640
-height = 480
-focal_px = [390.4, 390.4]
-centre_px = [331.9, 242.7]             optional: the middle; counted from the image's corner
-baseline_m = 0.0502                    optional: cameras that triangulate
-[distortion]                           optional: k1, k2, p1, p2, k3; k4, k5, k6; it is not removed
+docs/howto/recordings.md shows its keys; the lens of [distortion] is not removed.
 """
 
 from __future__ import annotations
