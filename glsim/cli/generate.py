@@ -65,9 +65,6 @@ def generate(
     Args:
         out: Folder for the data set, or a URL such as s3://bucket/faces for shards. Default: none;
             --plan needs no folder.
-        source: Source of faces: procedural, people, ict-facekit, folder, facewarehouse, d3dfacs,
-            biwi, or one of an installed package. Default: procedural.
-        root: Folder of the meshes or of the face model. Default: none.
         subjects: Number of people. Default: all of a folder, else 10.
         frames_per_subject: Frames per person; a folder's meshes are used again, with other
             noise, and other poses if settings draw them. Default: all of a folder, else 30.
@@ -133,7 +130,9 @@ def _print_poses(settings: Settings) -> None:
     from glsim.faces.scans.file_source import FileFaces
     from glsim.simulation.pipeline import open_sources
 
-    for table, source in zip(settings.source, open_sources(settings), strict=True):
+    sources = open_sources(settings)
+    _print_doubts(settings, sources)
+    for table, source in zip(settings.source, sources, strict=True):
         if isinstance(source, FileFaces):
             people = source.subjects(table.subjects)
             keys = [source.frames(person, 1)[0] for person in people[:_SHOWN_PEOPLE]]
@@ -149,6 +148,18 @@ def _print_poses(settings: Settings) -> None:
                 raise MeshError(f"{source.root}: no mesh in it can be used, for example {bad[0]}")
             if len(people) > _SHOWN_PEOPLE:
                 print_message(f"{len(people)} people: glsim inspect {source.root} -o faces.png")
+
+
+def _print_doubts(settings: Settings, sources: Sequence[FaceSource]) -> None:
+    """Print which settings have no effect, and which folders another source reads better."""
+    from glsim.data.inspection import recognise
+    from glsim.simulation.no_effect import no_effect
+
+    for line in no_effect(settings, sources):
+        print_message(line)
+    for table in settings.source:
+        if table.kind == "folder" and table.root and (kind := recognise(table.root)) != "folder":
+            print_message(f"{table.root}: looks like {kind}, not like any folder: --source {kind}")
 
 
 def _print_empty_splits(settings: Settings, whole: GenerateSummary) -> None:
@@ -182,6 +193,7 @@ def _print_plan(settings: Settings, workers: int) -> None:
     if not sensor_code(settings):  # a plan must not run a sensor's code
         sensor_of(settings)
     sources = open_sources(settings)
+    _print_doubts(settings, sources)
     plan = make_tasks(settings, sources)
     out = make_console(width=120)
     by_source: dict[str, tuple[int, int]] = {}

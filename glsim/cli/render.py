@@ -40,12 +40,9 @@ def render(
     Writes FACE_clean.png, FACE_noisy.png, FACE_infrared.png, FACE_reason.png and FACE_preview.png.
 
     Args:
-        face: A mesh file: OBJ, PLY, STL, GLB or OFF.
         out: Folder for the images.
         crop: Side of the centre crop, pixels. Default: the whole image.
         depth_unit_mm: Step of the depth files, mm. Default: 1.
-        unit: Unit of the mesh: mm, cm, dm, m, foot, inch, or its length in mm; else detected.
-        axes: File axes that become x, y, z, such as +x+y+z; overrides detection.
     """
     from glsim.core.files.png import write_picture
     from glsim.data.contact_sheet import contact_sheet
@@ -55,6 +52,7 @@ def render(
     from glsim.settings.schema import load_settings
     from glsim.settings.source_settings import parse_source
     from glsim.simulation.frame import LAYERS, Frame
+    from glsim.simulation.no_effect import no_effect
     from glsim.simulation.pipeline import simulate
 
     if (face / HEADER).is_file():
@@ -66,6 +64,8 @@ def render(
     loaded = load_mesh(face, unit=unit, axes=axes, rotation_deg=rotation_deg)
     print_message(f"{face}: {loaded.alignment}")
     source = OneMesh(loaded.mesh, face.stem, loaded.notes)
+    for line in no_effect(settings, [source]):
+        print_message(line)
     single = parse_source({"subjects": 1, "frames_per_subject": 1})
     one_frame = settings.model_copy(update={"source": (single,)})
     for frame in simulate(one_frame, sources=[source], backend=backend):

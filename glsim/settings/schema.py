@@ -1,33 +1,6 @@
 """Settings: a frozen, validated object made from a TOML file and ``--set`` assignments.
 
-    sensor = "kinect-v2-paper"        a shipped sensor, or the path of a sensor file
-    seed = 7
-    split = [0.70, 0.12, 0.18]
-    redraw = "sequence"               settings are held within a sequence, as in a video
-    [source]                          or several [[source]] tables
-    kind = "procedural"
-    subjects = 10
-    frames_per_subject = 30
-    [pose]
-    yaw_deg = { uniform = [-30, 30] }
-    [variation]
-    shape_mm = 4
-    [appearance]
-    wear = "always"                   also procedural and ict-facekit heads
-    glasses = 0.5                     half of the subjects
-    cloth = 0                         none
-    [scene]
-    wall_mm = 1500                    a plain wall; or a room:
-    room = "office"
-    camera_mm = { uniform = [850, 1350] }    the camera tilts to the face
-    people = { choice = [0, 1, 2] }
-    [rig]                             overrides [rig] of the sensor's file
-    deliver = "raw"
-    [stage.axial]                     parameters of the sensor's noise stages
-    base_sigma_mm = 2.0
-    [output]
-    crop = 128
-
+layout.toml and the files of presets/ are examples; docs/reference/settings.md lists all settings.
 An unknown key is an error that names similar keys. The GLSL file of a stage declares its
 parameters; they are checked when the sensor is loaded (glsim.sensors.sensor).
 """
@@ -37,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import BeforeValidator, Field, PrivateAttr, SerializeAsAny, model_validator
 
@@ -49,6 +22,7 @@ from glsim.settings.source_settings import SourceSettings, parse_source
 from glsim.settings.toml_tables import (
     TomlTable,
     assign,
+    flattened,
     meant,
     merge_tables,
     parse_table,
@@ -62,8 +36,6 @@ LayerName = Literal[
 ]  # fmt: skip
 DEPTH_UNIT_MM = (0.01, 10.0)
 """Smallest and largest step of depth files, mm."""
-DEFAULT_SUBJECTS = 10
-DEFAULT_FRAMES = 30
 SPLIT_NAMES = ("train", "val", "test")
 PAPER_SPLIT = "paper"
 """The value of ``split`` that divides images instead of people: glsim.simulation.plan.split."""
@@ -78,7 +50,6 @@ POSE_LIMITS = {
 at the largest distance; the others are chosen, motion for turns of 30 degrees in a sequence."""
 VARIATION_LIMITS = {"shape_mm": (0.0, 6.0), "albedo": (0.0, 2.0)}
 """Limits of the numbers in [variation]. The values were chosen, not measured."""
-
 
 #: Limits of a room's numbers, chosen to fit homes and offices.
 SCENE_LIMITS = {
@@ -98,36 +69,36 @@ def _number(default: float | tuple[float, float], description: str) -> Any:
 _MEDIANS = ("distance_mm", "wall_mm")
 
 
-def _check_limits(table: TomlTable, limits: Mapping[str, tuple[float, float]]) -> None:
-    """Raise ValueError if a setting, or a sample of its distribution, can exceed its limits."""
-    for name, (least, most) in limits.items():
-        if (setting := getattr(table, name)) is None:
-            continue
-        low, high = [setting.typical] * 2 if name in _MEDIANS else setting.bounds()
-        if low < least or high > most:
-            wrong = low if low < least else high
-            limit = f"[{least:g}, {most:g}]{' mm' if name.endswith('_mm') else ''}"
-            hint = meant(name, wrong, least, most)
-            raise ValueError(f"{name} may be {wrong:g}, but must lie in {limit}{hint}")
+class _Limited(TomlTable):
+    """A table whose numbers, and samples of their distributions, must lie within limits."""
+
+    limits: ClassVar[Mapping[str, tuple[float, float]]]
+
+    @model_validator(mode="after")
+    def _check_limits(self) -> Self:
+        for name, (least, most) in self.limits.items():
+            if (setting := getattr(self, name)) is None:
+                continue
+            low, high = [setting.typical] * 2 if name in _MEDIANS else setting.bounds()
+            if low < least or high > most:
+                wrong = low if low < least else high
+                limit = f"[{least:g}, {most:g}]{' mm' if name.endswith('_mm') else ''}"
+                hint = meant(name, wrong, least, most)
+                raise ValueError(f"{name} may be {wrong:g}, but must lie in {limit}{hint}")
+        return self
 
 
-class PoseSettings(TomlTable):
+class PoseSettings(_Limited):
     """Pose of the head in front of the sensor; positive angles turn it to its own left, or up."""
 
+    limits = POSE_LIMITS
     distance_mm: NumberSetting = _number(900.0, "sensor to centre of the face, along z")
     x_mm: NumberSetting = _number(0.0, "to the right in the image")
     y_mm: NumberSetting = _number(0.0, "down in the image")
     yaw_deg: NumberSetting = _number(0.0, "head turned to its own left")
     pitch_deg: NumberSetting = _number(0.0, "head raised")
     roll_deg: NumberSetting = _number(0.0, "head tilted to its own left")
-    motion: NumberSetting = _number(
-        1.0, "sway, nods and turns in sequences of generated faces, times this; 0: still"
-    )
-
-    @model_validator(mode="after")
-    def _check(self) -> PoseSettings:
-        _check_limits(self, POSE_LIMITS)
-        return self
+    motion: NumberSetting = _number(1.0, "sway, nods, turns of generated faces, times this")
 
 
 class MotionSettings(TomlTable):
@@ -138,9 +109,7 @@ class MotionSettings(TomlTable):
         description="draw the scene at the time of each part of the exposure (rig.exposure): nine "
         "captures of a time-of-flight camera, bands of rows of a rolling shutter",
     )
-    x_mm_s: NumberSetting = _number(
-        0.0, "speed of the head to the right, added to that of its sequence"
-    )
+    x_mm_s: NumberSetting = _number(0.0, "speed to the right, added to that of the sequence")
     y_mm_s: NumberSetting = _number(0.0, "speed down")
     z_mm_s: NumberSetting = _number(0.0, "speed away from the sensor")
     yaw_deg_s: NumberSetting = _number(0.0, "turn to its own left")
@@ -150,26 +119,18 @@ class MotionSettings(TomlTable):
 
 #: Name of a speed in [motion] -> the number of the pose that it changes.
 SPEEDS = {
-    "x_mm_s": "x_mm",
-    "y_mm_s": "y_mm",
-    "z_mm_s": "distance_mm",
-    "yaw_deg_s": "yaw_deg",
-    "pitch_deg_s": "pitch_deg",
-    "roll_deg_s": "roll_deg",
+    f"{name.replace('distance', 'z')}_s": name
+    for name in ("x_mm", "y_mm", "distance_mm", "yaw_deg", "pitch_deg", "roll_deg")
 }
 
 
-class VariationSettings(TomlTable):
+class VariationSettings(_Limited):
     """Random changes of a head's shape and albedo, to vary the faces of one face model."""
 
+    limits = VARIATION_LIMITS
     shape_mm: NumberSetting = _number(0.0, "standard deviation of a smooth warp of the head")
     albedo: NumberSetting = _number(0.0, "standard deviation of the log of the albedo, in patches")
     per: Scope = Field("subject", description="one draw per frame, sequence or subject")
-
-    @model_validator(mode="after")
-    def _check(self) -> VariationSettings:
-        _check_limits(self, VARIATION_LIMITS)
-        return self
 
 
 class AppearanceSettings(TomlTable):
@@ -191,20 +152,17 @@ class AppearanceSettings(TomlTable):
     gloss: bool = Field(False, description="mirror light of dressed subjects: skin, eyes, glasses")
 
 
-class SceneSettings(TomlTable):
+class SceneSettings(_Limited):
     """The surroundings of the face: nothing, a plain wall, or a room."""
 
-    wall_mm: NumberSetting | None = Field(
-        None, description="distance of a wall behind; default: no wall"
-    )
+    limits = SCENE_LIMITS
+    wall_mm: NumberSetting | None = Field(None, description="distance of a wall; default: none")
     wall_albedo: float = Field(0.85, ge=0, le=1, description="relative to a white wall")
     room: Literal["none", "empty", "office", "living-room"] = Field(
         "none", description="floor, walls, doors, windows and, unless empty, furniture"
     )
     per: Scope = Field("subject", description="one room per frame, sequence or subject")
-    behind_mm: NumberSetting = _number(
-        (1000.0, 3000.0), "from the face to the back wall of the room"
-    )
+    behind_mm: NumberSetting = _number((1000.0, 3000.0), "from the face to the room's back wall")
     width_mm: NumberSetting = _number((3000.0, 5500.0), "width of the room")
     height_mm: NumberSetting = _number((2400.0, 2700.0), "height of the room")
     turn_deg: NumberSetting = _number((-30.0, 30.0), "turn of the room about the vertical axis")
@@ -223,7 +181,6 @@ class SceneSettings(TomlTable):
     def _check(self) -> SceneSettings:
         if self.room != "none" and self.wall_mm is not None:
             raise ValueError("wall_mm: a room has walls of its own: give a wall or a room")
-        _check_limits(self, SCENE_LIMITS)
         return self
 
 
@@ -234,12 +191,8 @@ def _words(value: object) -> object:
 class OutputSettings(TomlTable):
     """Layers, file format and size of the frames that are written."""
 
-    format: Literal["png", "webdataset"] = Field(
-        "png", description="a tree of PNG files, or shards"
-    )
-    frames_per_shard: int | None = Field(
-        None, ge=1, le=8192, description="frames of a shard; 512 if not given"
-    )
+    format: Literal["png", "webdataset"] = Field("png", description="PNG files, or shards")
+    frames_per_shard: int | None = Field(None, ge=1, le=8192, description="default: 512")
     layers: Annotated[tuple[LayerName, ...], BeforeValidator(_words)] = Field(
         ("clean", "noisy"), description="images of each frame"
     )
@@ -250,9 +203,7 @@ class OutputSettings(TomlTable):
     clean_mask: Literal["dense", "as-noisy"] = Field(
         "dense", description="as-noisy: remove clean depth where the noisy map has none"
     )
-    landmarks: bool = Field(
-        False, description="record the 68 landmarks of the face: 3D points, pixels, visibility"
-    )
+    landmarks: bool = Field(False, description="record 68 landmarks: 3D, pixels, visibility")
     nearest_to_mm: float | None = Field(
         None, ge=1, description="shift each frame so that its nearest clean point has this depth"
     )
@@ -312,6 +263,7 @@ class Settings(TomlTable):
     rig: dict[str, Any] = Field(default_factory=dict, description="overrides the sensor's [rig]")
     #: Path of a setting -> "--set TEXT", as the user wrote it.
     _places: dict[tuple[str, ...], str] = PrivateAttr(default_factory=dict)
+    _given: frozenset[str] = PrivateAttr(frozenset())  # by the user, not by a preset: dotted names
     stage: dict[str, dict[str, NumberSetting]] = Field(
         default_factory=dict, description="parameters of the sensor's noise stages, by stage"
     )
@@ -349,6 +301,13 @@ def place_of(settings: Settings, *path: str) -> str:
     return next(options, "settings (--set or --config)")
 
 
+def changed(settings: Settings) -> set[str]:
+    """Return the dotted names that the user, not a preset, set to other values than defaults."""
+    now, default = (flattened(each.model_dump(mode="json")) for each in (settings, Settings()))
+    differ = [f"{name}." for name, value in now.items() if value != default.get(name)]
+    return {name for name in settings._given if any(d.startswith(f"{name}.") for d in differ)}
+
+
 def load_settings(
     file: Path | None = None,
     assignments: Iterable[str] = (),
@@ -357,8 +316,6 @@ def load_settings(
     preset: str | None = None,
 ) -> Settings:
     """Load settings from a preset, a TOML file, assignments ``a.b=value`` and nested ``overrides``.
-
-    A source that generates faces has 10 subjects with 30 frames each by default.
 
     Args:
         overrides: nested dicts, which replace values of the file.
@@ -384,6 +341,7 @@ def load_settings(
         if isinstance(tree.get("source"), list):
             raise ConfigError(f"{where}: has several [[source]] tables: set them there")
         merge_tables(tree.setdefault("source", {}), source)
+    given = frozenset(flattened(tree))
     if preset is not None:
         tree = _over_preset(read_preset(preset), tree)
     try:
@@ -392,7 +350,7 @@ def load_settings(
         error.sensor = tree.get("sensor", DEFAULT_SENSOR)
         raise
     settings = settings.model_copy(update={"source": tuple(map(_with_counts, settings.source))})
-    settings._places = places
+    settings._places, settings._given = places, given
     return settings
 
 
@@ -416,8 +374,8 @@ def _settings_path(path: list[str]) -> list[str]:
     return ["stage", *path] if len(path) == 2 and path[0] not in Settings.model_fields else path
 
 
-#: The settings that every kind of source has.
-_COUNTS = ("subjects", "frames_per_subject")
+#: The settings that every kind of source has, and their defaults for a source that never ends.
+_COUNTS = {"subjects": 10, "frames_per_subject": 30}
 
 
 def _over_preset(tree: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
@@ -433,13 +391,8 @@ def _over_preset(tree: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
 
 
 def _with_counts(source: SourceSettings) -> SourceSettings:
-    if not source.endless:
-        return source
-    update = {
-        "subjects": source.subjects or DEFAULT_SUBJECTS,
-        "frames_per_subject": source.frames_per_subject or DEFAULT_FRAMES,
-    }
-    return source.model_copy(update=update)
+    counts = {name: getattr(source, name) or count for name, count in _COUNTS.items()}
+    return source.model_copy(update=counts) if source.endless else source
 
 
 def parse_assignment(text: str) -> tuple[list[str], Any]:

@@ -43,9 +43,7 @@ class SourceSettings(TomlTable):
     kind: str = Field("procedural", description="where faces come from")
     root: Path | None = Field(None, description="folder of the meshes or of the face model")
     subjects: int | None = Field(None, ge=1, description="number of people; default: all")
-    frames_per_subject: int | None = Field(
-        None, ge=1, description="frames of each person; default: all"
-    )
+    frames_per_subject: int | None = Field(None, ge=1, description="per person; default: all")
     weight: float | None = Field(None, gt=0, lt=1e9, description="share relative to other sources")
     count: int | None = Field(None, ge=1, description="number of images from this source")
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 import types
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from textwrap import dedent
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
@@ -46,8 +45,8 @@ similar keys.
 def pages() -> dict[str, str]:
     """Return page name -> Markdown."""
     parts = [_INTRODUCTION, "## Layout\n\n"]
-    layout = (schema.__doc__ or "").split("\n\n", 2)[1]
-    parts += [block(dedent(layout)), *_tables(Settings, "")]
+    layout = Path(schema.__file__).with_name("layout.toml").read_text(encoding="utf-8")
+    parts += [block(layout, "toml"), *_tables(Settings, "")]
     parts.append("## Presets\n\n`--preset NAME` starts from one of these files.\n\n")
     for name in preset_names():
         text = (Path(presets.__file__).parent / f"{name}.toml").read_text(encoding="utf-8")

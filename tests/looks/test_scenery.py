@@ -16,7 +16,8 @@ from glsim.looks.room.view import camera_place, room_view, visible_mesh
 from glsim.settings.distribution import ScopeSeeds
 from glsim.settings.schema import load_settings
 from glsim.simulation.frame import Frame, Skipped
-from glsim.simulation.pipeline import simulate
+from glsim.simulation.no_effect import no_effect
+from glsim.simulation.pipeline import open_sources, simulate
 from glsim.simulation.plan.tasks import make_tasks
 from tests.support.figures import FACE_MM, Figures, figure
 from tests.support.scenes import V2, face_mesh, frames_of, layers_of, settings_for
@@ -131,8 +132,17 @@ def test_other_people_are_strangers_who_stand_behind(context: Context) -> None:
     assert min(strangers) >= "f002"
 
 
+def test_settings_without_effect_are_told_but_those_of_presets_are_not() -> None:
+    given = ["scene.people=2", "motion.x_mm_s=9", "motion.z_mm_s=9", "scene.room=office", "seed=3"]
+    settings = load_settings(None, [*given, "source.kind=procedural"], preset="office")
+    assert no_effect(settings, open_sources(settings)) == [
+        "motion.x_mm_s, motion.z_mm_s have no effect: they need motion.within_exposure=true",
+        "scene.people puts nobody behind: it needs a source of whole people (--source people)",
+    ]
+
+
 def test_heads_without_a_body_have_no_other_people(context: Context) -> None:
-    settings = settings_for(scene=OFFICE | {"people": 2})
+    settings = settings_for(scene=OFFICE | {"people": 2}, source={"kind": "procedural"})
     (frame,) = frames_of(context, settings, face_mesh(40))
     assert frame.parameters["scene.people"] == 0
 

@@ -36,9 +36,8 @@ class OtherPeople:
     ) -> None:  # fmt: skip
         self._settings, self._sources, self._rig = settings, sources, rig
         self._dressers = dressers
-        self._most = round(settings.scene.people.bounds()[1])
-        if settings.scene.room == "none":
-            self._most = 0
+        people, room = settings.scene.people, settings.scene.room
+        self._most = round(people.bounds()[1]) if room != "none" else 0
         self._faces: dict[tuple[int, int], tuple[Face, float] | None] = {}
         self._props: OrderedDict[tuple[object, ...], list[Prop]] = OrderedDict()
 
@@ -72,7 +71,10 @@ class OtherPeople:
     def _standing(self, source: int, number: int) -> tuple[Face, float] | None:
         """Load a standing person, dressed, and the floor's height y, mm; None without a body."""
         known = self._settings.source[source].subjects or 0
-        name = self._sources[source].subjects(known + STRANGERS)[known + number]
+        strangers = self._sources[source].subjects(known + STRANGERS)[known:]
+        if number >= len(strangers):
+            return None  # the source has fewer people
+        name = strangers[number]
         firsts: dict[str, FaceKey] = {}  # first frame of each sequence
         for key in self._sources[source].frames(name, 40 * _TRIES):
             firsts.setdefault(key.sequence, key)
