@@ -183,7 +183,7 @@ def test_a_noisy_map_states_its_step(
     for option, value, words in (
         ("--backend", "cuda", "'egl', 'osmesa', 'numpy'"),
         ("--focal-px", "abc", "--focal-px abc: give one number or two numbers"),
-        ("--depth-unit-mm", "0", "'--depth-unit-mm'"),
+        ("--depth-unit-mm", "0", "give a step of 0.01 to 10 mm"),
     ):
         assert main([*command, option, value]) == 2
         assert words in capsys.readouterr().err
