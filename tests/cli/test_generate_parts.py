@@ -21,7 +21,7 @@ FEW = ["--subjects", "3", "--frames-per-subject", "4", "--sensor", "ideal", "-q"
 FEW += ["--set", "output.crop=32", "--workers", "1"]
 
 
-def test_a_large_plan_is_a_summary(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_large_plan_is_a_summary(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     few = ["--subjects", "1000", "--frames-per-subject", "3600", "--workers", "10"]
     assert main(["generate", *few, "--plan"]) == 0
     text = capsys.readouterr().out
@@ -29,6 +29,9 @@ def test_a_large_plan_is_a_summary(capsys: pytest.CaptureFixture[str]) -> None:
     assert "with 10 workers" in text
     assert "p0000" not in text
     assert len(text.splitlines()) < 20
+    (tmp_path / "generic_neutral_mesh.obj").touch()
+    assert main(["generate", "--plan", "--source", "folder", "--root", str(tmp_path)]) == 0
+    assert "--source ict-facekit" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("people", "why"), [(3, "all frames of"), (1, "people in all: 1")])
