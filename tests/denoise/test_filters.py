@@ -204,7 +204,7 @@ def test_soft_validity_gives_four_composites(here: Path) -> None:
         ("no_such_module:function", "cannot be imported"),
         ("math:no_such_function", "has no 'no_such_function'"),
         ("math:pi", "no function"),
-        ("run/none.pt", "no such file: give the best.pt"),
+        ("run/none.pt", "no such file: give best.pt"),
         ("a_run", "is the folder of a run: give a_run/best.pt"),
     ],
 )
