@@ -15,6 +15,7 @@ from glsim.core.array_types import Depth, Mask, Probability
 from glsim.core.camera import Intrinsics
 from glsim.core.depth_protocol import MEANING, DepthProtocol
 from glsim.core.errors import ConfigError, DenoiserError
+from glsim.core.units import MM_PER_M
 from glsim.denoise.user_function import UserFunction
 from glsim.networks.composites import COMPOSITES, DEFAULT_COMPOSITE, check_composite, composed
 from glsim.networks.interface import METRES_MM, MIN_MEASURED_MM, Denoised, DepthFunction
@@ -216,7 +217,7 @@ class Denoiser:
         result = self.function(stack, stack > 0, now, counts)
         depth_mm, *others = self._checked(result, stack.shape[1:])
         # A thousandth of the input, give or take what was removed or filled.
-        if 0.5 < 1000 * float(np.mean(depth_mm)) / max(float(stack[now].mean()), 1.0) < 2:
+        if 0.5 < MM_PER_M * float(np.mean(depth_mm)) / max(float(stack[now].mean()), 1.0) < 2:
             raise DenoiserError(f"{self.label}: returned metres? return millimetres (depth * 1000)")
         return Estimate(noisy_mm[now], depth_mm, *others)
 

@@ -182,7 +182,7 @@ def test_the_stage_of_the_howto_and_its_twin_agree(
     crop: int | None, context: Context, tmp_path: Path
 ) -> None:
     page = (ROOT / "docs/howto/noise_stage.md").read_text(encoding="utf-8")
-    blocks = dict(re.findall(r"```(glsl|python)\n(.*?)```", page, re.DOTALL))
+    blocks = dict(reversed(re.findall(r"```(glsl|python)\n(.*?)```", page, re.DOTALL)))
     (tmp_path / "burst.glsl").write_text(blocks["glsl"])
     (tmp_path / "s.toml").write_text(
         'title = "burst"\n[rig]\nwidth = 96\nheight = 80\nfocal_px = [80, 80]\n'
