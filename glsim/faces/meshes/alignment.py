@@ -182,7 +182,8 @@ def estimate_alignment(
     if fit is None and given is None:
         raise MeshError(
             f"no face is found{'' if unit == 'auto' else f' with unit={unit}; try unit=auto, or'}: "
-            "give axes, such as '+x+y+z' for x the subject's left, y up, z out of the face"
+            "give the axes yourself, such as axes='+x+y+z' for x the subject's left, y up, z out "
+            "of the face"
         )
     name, mm_per_unit = _unit_of(fit, extent, unit, doubts)
     if given is None:
