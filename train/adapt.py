@@ -216,14 +216,14 @@ def _still_pairs(frames: Sequence[DepthFrame]) -> list[tuple[int, int]]:
 
 
 def _growth(frames: Sequence[DepthFrame], pairs: Sequence[tuple[int, int]]) -> float:
-    """Return the median growth of squared differences from one frame to two; 1 if never still."""
-    ratios = [1.0]
+    """Divide squared differences of still frames two apart by those one apart; 1 without any."""
+    ratios = []
     for a, b in pairs:
         if b + 1 < len(frames) and not view_change(frames[b], frames[b + 1], parts=False):
             changes_mm = (still_difference(frames[a], frames[n]) for n in (b, b + 1))
             one, two = (float(np.nanmean(change_mm**2)) for change_mm in changes_mm)
             ratios.append(two / max(one, 1e-9))
-    return float(np.median(ratios[1:] or ratios))
+    return float(np.median(ratios)) if ratios else 1.0
 
 
 def _root(mean_square: float) -> float:

@@ -435,7 +435,7 @@ def check_outputs(*files: Path | None) -> None:
 
 
 def check_new(out: Path) -> None:
-    """Raise ConfigError for a sensor file that exists: a person may have written it."""
+    """Raise ConfigError if the sensor file to write exists, or its name does not end in .toml."""
     if out.suffix != ".toml":
         raise ConfigError(f"-o {out}: give a name that ends in .toml")
     if out.exists():

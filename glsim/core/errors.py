@@ -101,17 +101,17 @@ def counted(number: int, one: str, many: str = "") -> str:
 
 
 def with_mesh_option(text: str, before: str) -> str:
-    """Put ``before``, such as "--", before the unit=... and axes=... of a mesh's error message."""
+    """Turn unit=... and axes=... of an error message into options, by a prefix such as "--"."""
     return re.sub(r"(?<![\w.-])(unit|axes)='?([\w.+-]*\w)'?", rf"{before}\1=\2", text)
 
 
 def did_you_mean(
     name: str, known: Iterable[str], table: str = "", elsewhere: Iterable[str] = ()
 ) -> str:
-    """Suggest names for an unknown one: similar names, after their table, or else all known names.
+    """Suggest known names for an unknown one; without any that is similar, list them all.
 
-    Before these: dotted names ``elsewhere`` of which it is the last part. Without a similar name,
-    names that contain the unknown one: "d435" means "realsense-d435".
+    First come the names ``elsewhere`` that end in it after a dot, then similar ones, which get the
+    prefix ``table``, then those that contain it: "d435" means "realsense-d435".
     """
     names = sorted(known)
     near = sorted(n for n in elsewhere if n.rpartition(".")[2] == name)[:3]

@@ -70,7 +70,7 @@ class _Loader:
 
     @property
     def frames(self) -> Frames:
-        """All frames, which are read one by one."""
+        """All frames of the recording; a frame is read when it is asked for."""
         return Frames(len(self.reader), self, self.key)
 
     def key(self, number: int) -> FrameKey:

@@ -194,7 +194,7 @@ def parse_header(data: bytes, where: str) -> dict[str, Any]:
 
 
 def refuse_newer(header: Mapping[str, Any], where: str) -> None:
-    """Raise DatasetError for a header, or a plan, of a newer format than this glsim knows."""
+    """Raise DatasetError if a newer glsim wrote the header or plan of a data set."""
     version = header.get("format_version", 0)
     if isinstance(version, int) and version > FORMAT_VERSION:
         raise DatasetError(

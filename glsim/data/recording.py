@@ -140,7 +140,7 @@ class Recording:
 
     @cached_property
     def recognised(self) -> Camera:
-        """The shipped sensor that resembles the camera."""
+        """The shipped sensor whose images and depths are most like the recording's."""
         return self.seen or recognise_camera(self.stated, self.stated_by, self.votes)
 
     @cached_property
@@ -159,7 +159,9 @@ class Recording:
         return self.stated.distortion
 
     def read(self, most: int | None = None, focal_px: float | None = None) -> Frames:
-        """Read the frames into memory, without copies of the frame before; ``note`` says how many.
+        """Read the frames into memory, but for exact copies of the frame before each.
+
+        The ``note`` of the result says how many frames of the recording it has.
 
         Raises DatasetError: a file cannot be read, sizes differ, no depth, or all are copies.
 

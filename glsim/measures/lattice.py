@@ -118,7 +118,7 @@ def _judged(telling: Array, constant: float, phase: float = 0.0) -> Lattice:
 
 
 def _searched(values: Array) -> tuple[float, float]:
-    """Search the K and the phase of the strongest period of 1 / depth, which is 1 / K."""
+    """Search K and phase of depths K / (n + phase): the strongest period of 1 / depth is 1 / K."""
     some = np.random.default_rng(0).permutation(values)[:_SEARCHED]
     near, far = float(values.min()), float(values.max())
     # Steps of a quarter of a level between the nearest informative depth and infinity.

@@ -119,9 +119,9 @@ def make_stage(
     name: str, spec: StageSpec, settings: Mapping[str, Distribution], where: str,
     elsewhere: Iterable[str] = (),
 ) -> Stage:  # fmt: skip
-    """Make a stage: check its settings, and add defaults. Raises ConfigError with ``where``.
+    """Check the settings of a stage and add defaults. Raises ConfigError, which names ``where``.
 
-    ``elsewhere``: parameters to propose, as stage.parameter.
+    ``elsewhere``: names of other stages' parameters, STAGE.PARAMETER, to propose for unknown ones.
     """
     if not _NAME.fullmatch(name):
         raise ConfigError(

@@ -302,7 +302,7 @@ def place_of(settings: Settings, *path: str) -> str:
 
 
 def changed(settings: Settings) -> set[str]:
-    """Return the dotted names that the user, not a preset, set to other values than defaults."""
+    """Return the names, such as pose.yaw_deg, of settings that the user changed, not a preset."""
     now, default = (flattened(each.model_dump(mode="json")) for each in (settings, Settings()))
     differ = [f"{name}." for name, value in now.items() if value != default.get(name)]
     return {name for name in settings._given if any(d.startswith(f"{name}.") for d in differ)}

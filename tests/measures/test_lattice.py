@@ -28,7 +28,7 @@ def test_a_planted_constant_is_found(constant: float, low: int, high: int) -> No
 
 @pytest.mark.parametrize("phase", [0.3, 0.5, 0.8])
 def test_a_planted_phase_is_found(phase: float) -> None:
-    """Depths of a head and a wall on the lattice of a Kinect V1, whose steps have a phase."""
+    """A Kinect V1 delivers depths K / (n + phase), n whole: a head and a wall."""
     level = np.r_[180:230, 380:460]
     values = np.unique(np.round(345_160.0 / (level + phase)))
     lattice = estimate_lattice(values)

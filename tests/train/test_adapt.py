@@ -18,7 +18,7 @@ CAMERA = Intrinsics(width=128, height=128, fx=365.0, fy=365.0, cx=64.0, cy=64.0)
 
 
 def recording(views: int, count: int = 2, moved_px: float = 0.0) -> list[DepthFrame]:
-    """Frames of each of several slanted walls with waves that may move, and correlated noise."""
+    """Make ``count`` frames of each of several slanted, wavy walls; the waves may move."""
     rng, frames = np.random.default_rng(1), []
     rows, columns = np.mgrid[:128, :128]
     for view in range(views):

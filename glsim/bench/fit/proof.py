@@ -58,7 +58,7 @@ def prove(
 
 
 def _table(rows: Sequence[tuple[str, Sequence[str]]]) -> list[str]:
-    """Align rows of texts; "NAME; GROUP" is a row of the group that the line before them names."""
+    """Align the columns of a table; rows "NAME; GROUP" stand indented below a line with GROUP."""
     # Without spaces around +- the table has at most 80 columns.
     split = [(n.partition("; ")[::2], [t.replace(" ", "") for t in texts]) for n, texts in rows]
     first = max(len(name) + 2 * bool(group) for (name, group), _ in split)
